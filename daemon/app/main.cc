@@ -1,0 +1,118 @@
+// lightstaged: the daemon that owns a relighting rig.
+
+#include <csignal>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "CLI/CLI.hpp"
+#include "base/env.h"
+#include "base/failpoint.h"
+#include "base/status.h"
+#include "base/version.h"
+#include "daemon/app/builtin_drivers.h"
+#include "daemon/config/rig_file.h"
+#include "daemon/engine/facts.h"
+#include "daemon/rpc/convert.h"
+#include "daemon/rpc/server.h"
+#include "daemon/runs/run_manager.h"
+#include "daemon/store/data_directory.h"
+#include "spdlog/sinks/stdout_sinks.h"
+#include "spdlog/spdlog.h"
+
+namespace lightstage {
+namespace {
+
+constexpr char kDefaultAddress[] = "127.0.0.1:7420";
+
+struct Arguments {
+  std::string rig_file, data;
+  std::vector<std::string> listen;
+  bool check = false;
+};
+
+absl::StatusOr<std::unique_ptr<RigFile>> LoadRigFile(const std::string& path,
+                                                     const DriverRegistry& drivers) {
+  ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadFile(path));
+  return ParseRigFile(text, path, drivers);
+}
+
+// Serves until SIGTERM or SIGINT.
+absl::Status Serve(const Arguments& arguments, const RigFile& file, const sigset_t& signals) {
+  // One daemon per data directory comes before any device: a second one must not even open them.
+  std::unique_ptr<Env> env = MakePosixEnv({.direct_io = file.store.direct_io});
+  ASSIGN_OR_RETURN(std::unique_ptr<DataDirectory> data, DataDirectory::Open(*env, arguments.data));
+
+  std::unique_ptr<Clock> clock;
+  if (file.virtual_time)
+    clock = std::make_unique<VirtualClock>(RealClock().WallNow());
+  else
+    clock = std::make_unique<RealClock>();
+  ASSIGN_OR_RETURN(std::unique_ptr<Rig> rig, Rig::Open(file, *clock));
+  const RigFacts facts = FactsOf(*rig);
+  int lamps = static_cast<int>(facts.geometry.brace.lamps.size());
+  RunManager runs(*rig, facts, *data, *env,
+                  {.write = rpc::PlanToJson,
+                   .read = [lamps](const std::string& json) { return rpc::PlanFromJson(json, lamps); }});
+  ASSIGN_OR_RETURN(std::unique_ptr<rpc::Server> server,
+                   rpc::Server::Start(arguments.listen, *rig, facts, runs));
+  for (const std::string& address : server->addresses()) spdlog::info("listening on {}", address);
+
+  int signal = 0;
+  sigwait(&signals, &signal);
+  spdlog::info("{}: going down", strsignal(signal));
+  runs.Shutdown();
+  server.reset();
+  return absl::OkStatus();  // the rig goes dark as it closes
+}
+
+int Main(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app("lightstaged owns an image-based relighting rig and captures basis images with it.");
+  app.set_version_flag("--version", kVersion);
+  app.add_option("--rig", arguments.rig_file, "Rig file (TOML)")->required();
+  auto* data = app.add_option("--data", arguments.data, "Data directory, made if needed");
+  app.add_option("--listen", arguments.listen,
+                 "unix:PATH or 127.0.0.1:PORT (repeatable; default " + std::string(kDefaultAddress) + ")");
+  app.add_flag("--check", arguments.check, "Check the rig file and exit; touches no device");
+  try {
+    app.parse(argc, argv);
+    if (!arguments.check && data->count() == 0)
+      throw CLI::RequiredError("--data");
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  if (arguments.listen.empty()) arguments.listen = {kDefaultAddress};
+
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("lightstaged"));
+  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
+  // Before any thread: all of them leave these signals to Serve().
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+
+  auto fail = [](const absl::Status& status) {
+    std::cerr << "lightstaged: " << MessageOf(status) << "\n";
+    return 1;
+  };
+  if (absl::Status points = SetFailpointsFromEnvironment(); !points.ok()) return fail(points);
+  DriverRegistry drivers;
+  RegisterBuiltinDrivers(drivers);
+  auto file = LoadRigFile(arguments.rig_file, drivers);
+  if (!file.ok()) return fail(file.status());
+  if (arguments.check) {
+    std::cout << arguments.rig_file << ": good\n";
+    return 0;
+  }
+  absl::Status served = Serve(arguments, **file, signals);
+  return served.ok() ? 0 : fail(served);
+}
+
+}  // namespace
+}  // namespace lightstage
+
+int main(int argc, char** argv) { return lightstage::Main(argc, argv); }

@@ -1,0 +1,323 @@
+#include "daemon/engine/engine.h"
+
+#include <cmath>
+
+#include "absl/strings/str_format.h"
+#include "daemon/capture/limits.h"
+#include "spdlog/spdlog.h"
+
+namespace lightstage {
+namespace {
+
+// How far a reported position may be from the commanded one when the exposure begins. A move confirms within the axis' tolerance; an
+// axis that has since been pushed has not.
+absl::Status CheckHeld(const Axis* axis, AxisId id, Angle commanded, Angle reported) {
+  if (!axis) return absl::OkStatus();
+  double off = std::abs(MoveDistance(axis->info(), commanded, reported).degrees());
+  if (off <= axis->info().tolerance.degrees()) return absl::OkStatus();
+  return Error(absl::StatusCode::kAborted, "POSE_NOT_HELD",
+               absl::StrFormat("%s: reports %.4f deg, was sent to %.4f deg (tolerance %g deg)",
+                               AxisName(id), reported.degrees(), commanded.degrees(),
+                               axis->info().tolerance.degrees()),
+               {{"axis", AxisName(id)},
+                {"reported_deg", absl::StrCat(reported.degrees())},
+                {"commanded_deg", absl::StrCat(commanded.degrees())},
+                {"tolerance_deg", absl::StrCat(axis->info().tolerance.degrees())}});
+}
+
+}  // namespace
+
+Engine::Engine(Rig& rig, const RigFacts& facts, Program& program, const Results& results,
+               std::function<bool(uint64_t)> done, std::optional<Resumption> resumption, Hooks hooks)
+    : rig_(rig),
+      facts_(facts),
+      program_(program),
+      results_(results),
+      done_before_(std::move(done)),
+      resumption_(std::move(resumption)),
+      hooks_(std::move(hooks)) {}
+
+// ---- State, any thread
+
+RunState Engine::state() const {
+  MutexLock lock(&mutex_);
+  return progress_.state;
+}
+
+RunProgress Engine::progress() const {
+  MutexLock lock(&mutex_);
+  return progress_;
+}
+
+absl::Status Engine::Apply(RunEvent event, const absl::Status& reason) {
+  MutexLock order(&apply_mutex_);
+  RunState next;
+  {
+    MutexLock lock(&mutex_);
+    ASSIGN_OR_RETURN(next, NextState(progress_.state, event));
+    progress_.state = next;
+    progress_.reason = reason;
+    changed_.SignalAll();
+  }
+  spdlog::info("run: {} ({}{}{})", RunStateName(next), RunEventName(event), reason.ok() ? "" : ": ",
+               MessageOf(reason));
+  hooks_.state_changed(next, reason);
+  return absl::OkStatus();
+}
+
+void Engine::Hold(const absl::Status& reason) {
+  RunProgress now = progress();
+  if (now.state == RunState::kPausing && !now.reason.ok()) return;  // the first reason is the cause
+  // Refused only when the run is ending anyway.
+  (void)Apply(RunEvent::kHold, reason);
+}
+
+absl::Status Engine::Pause() { return Apply(RunEvent::kPause, absl::OkStatus()); }
+
+absl::Status Engine::Resume() {
+  RETURN_IF_ERROR(NextState(state(), RunEvent::kResume).status());
+  RETURN_IF_ERROR(rig_.CheckRunning());
+  return Apply(RunEvent::kResume, absl::OkStatus());
+}
+
+absl::Status Engine::Cancel() { return Apply(RunEvent::kCancel, absl::OkStatus()); }
+
+void Engine::Interrupt() {
+  (void)Apply(RunEvent::kInterrupt,
+              Error(absl::StatusCode::kAborted, "DAEMON_ENDED", "the daemon was told to end"));
+}
+
+void Engine::OnOutcome(uint64_t shot_id, const absl::Status& stored) {
+  MutexLock lock(&mutex_);
+  outcomes_.emplace_back(shot_id, stored);
+  if (stored.ok()) ++progress_.stored;
+}
+
+// ---- The run, Run()'s thread
+
+RunState Engine::Run(ShotSink& sink) {
+  bool prepared = false;
+  while (true) {
+    TakeOutcomes();
+    RunState now = state();
+    if (now == RunState::kPausing) {
+      PauseHere(sink);
+      prepared = false;
+      continue;
+    }
+    if (now != RunState::kRunning) break;
+    if (!prepared) {
+      absl::Status ready = Prepare();
+      prepared = ready.ok();
+      if (!prepared) Hold(ready);
+      continue;
+    }
+    auto next = Next(sink);
+    if (!next.ok()) {
+      Collect(sink);
+      (void)Apply(RunEvent::kFail, next.status());
+      break;
+    }
+    if (next->has_value()) {
+      absl::Status taken = Take(**next, sink);
+      if (!taken.ok()) Failed(**next, taken);
+      continue;
+    }
+    Collect(sink);
+    sink.Drain();
+    TakeOutcomes();
+    if (!again_.empty() || request_ || state() != RunState::kRunning) continue;
+    GoDark();
+    absl::Status finished = hooks_.finish();
+    if (!finished.ok()) {
+      Hold(finished);
+      continue;
+    }
+    // A pause that came in this very moment has nothing left to pause.
+    if (Apply(RunEvent::kFinished, absl::OkStatus()).ok()) return RunState::kSucceeded;
+  }
+  // Cancelled, interrupted or failed: what was captured is stored all the same.
+  Collect(sink);
+  sink.Drain();
+  GoDark();
+  if (state() == RunState::kCancelling) (void)Apply(RunEvent::kEnded, absl::OkStatus());
+  return state();
+}
+
+absl::Status Engine::Prepare() {
+  if (resumption_ && !resumption_done_) RETURN_IF_ERROR(rig_.HomeAll());
+  RETURN_IF_ERROR(rig_.ArmCamera());
+  camera_suspect_ = false;
+  if (resumption_ && !resumption_done_) {
+    if (resumption_->reference) RETURN_IF_ERROR(CompareReference());
+    resumption_done_ = true;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Engine::CompareReference() {
+  Attempt attempt{.shot = *resumption_->reference};
+  auto posing = rig_.StartPose(attempt.shot.pose);
+  auto lighting = rig_.StartCondition(attempt.shot.condition);
+  RETURN_IF_ERROR(posing->Wait());
+  RETURN_IF_ERROR(lighting->Wait());
+  RETURN_IF_ERROR(Expose(attempt));
+  InFlight taken = *std::exchange(in_flight_, std::nullopt);
+  ASSIGN_OR_RETURN(std::vector<Frame> frames, taken.bracket.TakeFrames());
+  resumption_done_ = true;  // whatever it says, it is said once
+  return resumption_->compare(Raw(std::move(taken), std::move(frames)));
+}
+
+absl::StatusOr<std::optional<Engine::Attempt>> Engine::Next(ShotSink& sink) {
+  while (true) {
+    if (!again_.empty()) {
+      if (request_) {
+        Hold(Error(absl::StatusCode::kUnavailable, "OPERATOR_REQUEST", request_->message,
+                   {{"request", request_->message}}));
+        request_.reset();
+        return std::nullopt;
+      }
+      Attempt attempt = std::move(again_.front());
+      again_.pop_front();
+      return attempt;
+    }
+    ASSIGN_OR_RETURN(Step step, program_.Next(results_));
+    if (auto* shot = std::get_if<Shot>(&step)) {
+      if (done_before_(shot->id)) {
+        request_.reset();  // it was met before this shot was taken
+        continue;
+      }
+      RETURN_IF_ERROR(CheckShot(*shot, facts_));
+      again_.push_back({*std::move(shot), 1, rig_.file().engine.max_attempts});
+    } else if (auto* request = std::get_if<OperatorRequest>(&step)) {
+      request_ = std::move(*request);
+    } else if (std::holds_alternative<AwaitResults>(step)) {
+      Collect(sink);
+      sink.Drain();
+      TakeOutcomes();
+      if (state() != RunState::kRunning) return std::nullopt;
+    } else {
+      request_.reset();
+      return std::nullopt;
+    }
+  }
+}
+
+absl::Status Engine::Take(const Attempt& attempt, ShotSink& sink) {
+  {
+    MutexLock lock(&mutex_);
+    progress_.pose = attempt.shot.pose;
+  }
+  auto posing = rig_.StartPose(attempt.shot.pose);
+  auto lighting = rig_.StartCondition(attempt.shot.condition);
+  Collect(sink);
+  absl::Status posed = posing->Wait();
+  absl::Status lit = lighting->Wait();
+  RETURN_IF_ERROR(posed);
+  RETURN_IF_ERROR(lit);
+  if (camera_suspect_) {
+    (void)rig_.DisarmCamera();  // what it was doing is of no interest; whether it arms is
+    RETURN_IF_ERROR(rig_.ArmCamera());
+    camera_suspect_ = false;
+  }
+  return Expose(attempt);
+}
+
+absl::Status Engine::Expose(const Attempt& attempt) {
+  const Shot& shot = attempt.shot;
+  ASSIGN_OR_RETURN(Pose reported, rig_.ReadPose());
+  RETURN_IF_ERROR(CheckHeld(rig_.axis(AxisId::kTurntable), AxisId::kTurntable, shot.pose.azimuth,
+                            reported.azimuth));
+  RETURN_IF_ERROR(
+      CheckHeld(rig_.axis(AxisId::kTilt), AxisId::kTilt, shot.pose.tilt, reported.tilt));
+  in_flight_.emplace(
+      InFlight{attempt, reported, rig_.clock().WallNow(), Bracket(rig_, shot.exposures)});
+  absl::Status exposed = in_flight_->bracket.Expose();
+  if (!exposed.ok()) {
+    in_flight_.reset();
+    camera_suspect_ = true;
+  }
+  return exposed;
+}
+
+void Engine::Collect(ShotSink& sink) {
+  if (!in_flight_) return;
+  InFlight taken = *std::exchange(in_flight_, std::nullopt);
+  auto frames = taken.bracket.TakeFrames();
+  if (!frames.ok()) {
+    camera_suspect_ = true;
+    Failed(taken.attempt, frames.status());
+    return;
+  }
+  unstored_[taken.attempt.shot.id] = taken.attempt;
+  sink.Put(Raw(std::move(taken), *std::move(frames)));
+}
+
+RawShot Engine::Raw(InFlight taken, std::vector<Frame> frames) {
+  RawShot raw{.shot = std::move(taken.attempt.shot),
+              .reported_pose = taken.reported_pose,
+              .frames = std::move(frames),
+              .attempt = taken.attempt.number,
+              .captured_at = taken.captured_at};
+  raw.exposures = ExposureRecords(raw.shot.exposures, raw.frames);
+  return raw;
+}
+
+void Engine::Failed(const Attempt& attempt, const absl::Status& status) {
+  again_.push_back(attempt);
+  absl::Status stopped = rig_.CheckRunning();
+  if (!stopped.ok()) {
+    Hold(stopped);  // not the shot's fault: it does not count
+    return;
+  }
+  spdlog::warn("run: shot {}: attempt {} failed: {}", attempt.shot.id, attempt.number,
+               MessageOf(status));
+  bool disk_full = status.code() == absl::StatusCode::kResourceExhausted;
+  if (attempt.number >= attempt.last || disk_full) {
+    Hold(Annotate(status, absl::StrFormat("shot %d, attempt %d", attempt.shot.id, attempt.number)));
+  }
+  ++again_.back().number;
+  MutexLock lock(&mutex_);
+  ++progress_.retakes;
+}
+
+void Engine::TakeOutcomes() {
+  std::deque<std::pair<uint64_t, absl::Status>> outcomes;
+  {
+    MutexLock lock(&mutex_);
+    outcomes.swap(outcomes_);
+  }
+  for (auto& [id, stored] : outcomes) {
+    auto it = unstored_.find(id);
+    if (it == unstored_.end()) continue;
+    Attempt attempt = std::move(it->second);
+    unstored_.erase(it);
+    if (!stored.ok()) Failed(attempt, stored);
+  }
+}
+
+void Engine::GoDark() {
+  absl::Status dark = rig_.Dark();
+  if (!dark.ok()) {
+    // Light that may still be on is what the latch is for.
+    absl::Status stopped = rig_.Stop(Annotate(dark, "not confirmed dark"));
+    if (!stopped.ok()) spdlog::error("rig: {}", MessageOf(stopped));
+  }
+  absl::Status disarmed = rig_.DisarmCamera();
+  if (!disarmed.ok()) spdlog::warn("run: {}", MessageOf(disarmed));
+}
+
+void Engine::PauseHere(ShotSink& sink) {
+  Collect(sink);
+  GoDark();
+  sink.Drain();
+  TakeOutcomes();
+  (void)Apply(RunEvent::kPausedNow, progress().reason);  // refused if cancelled meanwhile
+  {
+    MutexLock lock(&mutex_);
+    while (progress_.state == RunState::kPaused) changed_.Wait(&mutex_);
+  }
+  for (Attempt& attempt : again_) attempt.last = attempt.number + rig_.file().engine.max_attempts - 1;
+}
+
+}  // namespace lightstage

@@ -1,0 +1,363 @@
+#include "daemon/rpc/rig_service.h"
+
+#include <cmath>
+
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "base/status.h"
+#include "base/version.h"
+#include "daemon/capture/limits.h"
+#include "daemon/develop/develop.h"
+#include "daemon/rig/bracket.h"
+#include "daemon/rpc/chunks.h"
+#include "daemon/rpc/convert.h"
+#include "daemon/rpc/errors.h"
+#include "daemon/rpc/names.h"
+#include "dataset/basis_exr.h"
+
+namespace lightstage::rpc {
+namespace {
+
+v1::AxisId ToMessage(AxisId id) {
+  return id == AxisId::kTurntable ? v1::AXIS_ID_TURNTABLE : v1::AXIS_ID_TILT;
+}
+
+v1::AxisState ToMessage(AxisId id, const AxisState& state) {
+  v1::AxisState message;
+  message.set_axis(ToMessage(id));
+  message.set_position_deg(state.position.degrees());
+  message.set_velocity_dps(state.velocity_dps);
+  message.set_homed(state.homed);
+  message.set_moving(state.moving);
+  return message;
+}
+
+void AddLit(const std::vector<float>& levels, google::protobuf::RepeatedPtrField<v1::LampLevel>* lit) {
+  for (size_t i = 0; i < levels.size(); ++i) {
+    if (levels[i] == 0) continue;  // NaN, a lamp that did not confirm, is shown
+    v1::LampLevel* lamp = lit->Add();
+    lamp->set_lamp(static_cast<int>(i));
+    lamp->set_level(levels[i]);
+  }
+}
+
+v1::Device ToMessage(const DeviceIdentity& identity, v1::DeviceKind kind) {
+  v1::Device device;
+  device.set_name(identity.name);
+  device.set_kind(kind);
+  device.set_driver(identity.driver);
+  device.set_model(identity.model);
+  device.set_serial(identity.serial);
+  return device;
+}
+
+}  // namespace
+
+RigService::RigService(Rig& rig, const RigFacts& facts, Control& control,
+                       RunManager& runs)
+    : rig_(rig), facts_(facts), control_(control), runs_(runs) {}
+
+// ---- Looking
+
+grpc::Status RigService::GetRig(grpc::ServerContext*, const v1::GetRigRequest*,
+                                v1::GetRigResponse* response) {
+  v1::Rig& rig = *response->mutable_rig();
+  const RigFile& file = rig_.file();
+  rig.set_name("rig");
+  rig.set_display_name(file.name);
+  rig.set_daemon_version(kVersion);
+  rig.set_virtual_time(file.virtual_time);
+  rig.set_heartbeat_seconds(Seconds(control_.heartbeat()));
+  *rig.add_devices() = ToMessage(facts_.camera.identity, v1::DEVICE_KIND_CAMERA);
+
+  for (AxisId id : {AxisId::kTurntable, AxisId::kTilt}) {
+    const Axis* axis = rig_.axis(id);
+    if (!axis) continue;
+    const AxisInfo& info = axis->info();
+    *rig.add_devices() = ToMessage(info.identity, v1::DEVICE_KIND_AXIS);
+    v1::AxisDescription& description = *rig.add_axes();
+    description.set_axis(ToMessage(id));
+    bool turntable = id == AxisId::kTurntable;
+    const LimitOptions& limits = file.limits;
+    Angle lo = turntable ? limits.azimuth_min : limits.tilt_min;
+    Angle hi = turntable ? limits.azimuth_max : limits.tilt_max;
+    description.set_min_deg((info.continuous ? lo : std::max(lo, info.min)).degrees());
+    description.set_max_deg((info.continuous ? hi : std::min(hi, info.max)).degrees());
+    description.set_continuous(info.continuous);
+    description.set_max_velocity_dps(info.max_velocity_dps);
+    description.set_max_acceleration_dps2(info.max_acceleration_dps2);
+  }
+
+  v1::CameraDescription& camera = *rig.mutable_camera();
+  camera.set_width(facts_.camera_config.width);
+  camera.set_height(facts_.camera_config.height);
+  camera.set_pixel_format(std::string(PixelFormatName(facts_.camera_config.format)));
+  camera.set_gain_db(facts_.camera_config.gain_db);
+  camera.set_min_exposure_us(Seconds(facts_.camera.min_exposure) * 1e6);
+  camera.set_max_exposure_us(
+      Seconds(std::min(facts_.camera.max_exposure, file.limits.max_exposure)) * 1e6);
+  for (Duration exposure : facts_.default_exposures)
+    camera.add_default_exposures_us(Seconds(exposure) * 1e6);
+  const CameraGeometry& view = file.geometry.camera;
+  *camera.mutable_position_m() = ToMessage(view.position);
+  *camera.mutable_look_at_m() = ToMessage(view.look_at);
+  camera.set_field_of_view_deg(view.field_of_view.degrees());
+
+  if (rig_.lamps()) {
+    *rig.add_devices() = ToMessage(rig_.lamps()->info().identity, v1::DEVICE_KIND_LAMPS);
+    const BraceGeometry& brace = file.geometry.brace;
+    v1::LampsDescription& lamps = *rig.mutable_lamps();
+    for (const LampGeometry& lamp : brace.lamps)
+      *lamps.add_directions() = ToMessage(DirectionFromAngles(lamp.azimuth, lamp.tilt));
+    lamps.set_radius_m(brace.radius.meters());
+    lamps.set_lamp_radius_m(brace.lamp_radius.meters());
+    lamps.set_max_on(file.limits.max_lamps_on);
+  }
+  if (rig_.projector()) {
+    *rig.add_devices() = ToMessage(rig_.projector()->info().identity, v1::DEVICE_KIND_PROJECTOR);
+    const ProjectorGeometry& geometry = file.geometry.projector;
+    v1::ProjectorDescription& projector = *rig.mutable_projector();
+    projector.set_width(geometry.width);
+    projector.set_height(geometry.height);
+    projector.set_distance_m(geometry.distance.meters());
+    projector.set_azimuth_deg(geometry.azimuth.degrees());
+    projector.set_field_of_view_deg(geometry.field_of_view.degrees());
+  }
+  return grpc::Status::OK;
+}
+
+v1::RigState RigService::State() {
+  // On virtual time an axis is never seen in motion: asking it would move time.
+  RigSnapshot snapshot = rig_.Snapshot(!rig_.clock().is_virtual());
+  v1::RigState state;
+  RigUse use = rig_.use();
+  state.set_activity(!snapshot.stop_reason.ok() ? v1::RIG_ACTIVITY_STOPPED
+                     : use == RigUse::kRun      ? v1::RIG_ACTIVITY_RUN
+                     : use == RigUse::kManual   ? v1::RIG_ACTIVITY_MANUAL
+                                                : v1::RIG_ACTIVITY_IDLE);
+  if (!snapshot.stop_reason.ok()) *state.mutable_stop_reason() = ToReason(snapshot.stop_reason);
+  if (std::string run = runs_.active(); !run.empty()) state.set_active_run(RunName(run));
+  for (const auto& [id, axis] : snapshot.axes) *state.add_axes() = ToMessage(id, axis);
+  AddLit(snapshot.lamp_levels, state.mutable_lamps());
+  if (rig_.projector()) *state.mutable_pattern() = rpc::ToMessage(snapshot.pattern);
+  if (auto holder = control_.holder()) {
+    state.mutable_control()->set_owner(holder->owner);
+    state.mutable_control()->set_note(holder->note);
+    *state.mutable_control()->mutable_expire_time() = rpc::ToMessage(holder->expires);
+  }
+  return state;
+}
+
+grpc::Status RigService::GetRigState(grpc::ServerContext*, const v1::GetRigStateRequest*,
+                                     v1::GetRigStateResponse* response) {
+  *response->mutable_state() = State();
+  return grpc::Status::OK;
+}
+
+grpc::Status RigService::WatchRigState(grpc::ServerContext* context,
+                                       const v1::WatchRigStateRequest* request,
+                                       grpc::ServerWriter<v1::WatchRigStateResponse>* writer) {
+  auto interval = WatchInterval(request->min_interval_seconds());
+  if (!interval.ok()) return ToGrpc(interval.status());
+  std::string last;
+  while (!context->IsCancelled() && !closed_) {
+    v1::WatchRigStateResponse response;
+    *response.mutable_state() = State();
+    // The lease's end moves with every renewal: by itself that is no change.
+    v1::RigState compared = response.state();
+    compared.mutable_control()->clear_expire_time();
+    std::string now = compared.SerializeAsString();
+    if (now != last && !writer->Write(response)) break;
+    last = std::move(now);
+    absl::SleepFor(absl::FromChrono(*interval));
+  }
+  return grpc::Status::OK;
+}
+
+// ---- Control
+
+grpc::Status RigService::AcquireControl(grpc::ServerContext*,
+                                        const v1::AcquireControlRequest* request,
+                                        v1::AcquireControlResponse* response) {
+  auto token = control_.Acquire(request->owner(), request->note());
+  if (!token.ok()) return ToGrpc(token.status());
+  response->set_control_token(*token);
+  response->set_heartbeat_seconds(Seconds(control_.heartbeat()));
+  return grpc::Status::OK;
+}
+
+grpc::Status RigService::RenewControl(grpc::ServerContext*, const v1::RenewControlRequest* request,
+                                      v1::RenewControlResponse* response) {
+  auto expires = control_.Renew(request->control_token());
+  if (!expires.ok()) return ToGrpc(expires.status());
+  *response->mutable_expire_time() = rpc::ToMessage(*expires);
+  return grpc::Status::OK;
+}
+
+grpc::Status RigService::ReleaseControl(grpc::ServerContext*,
+                                        const v1::ReleaseControlRequest* request,
+                                        v1::ReleaseControlResponse*) {
+  return ToGrpc(control_.Release(request->control_token()));
+}
+
+// ---- By hand
+
+absl::Status RigService::Manually(const std::string& token,
+                                  absl::FunctionRef<absl::Status()> operation) {
+  RETURN_IF_ERROR(control_.Check(token));
+  RETURN_IF_ERROR(rig_.Acquire(RigUse::kManual));
+  absl::Status status = operation();
+  // Control may have been lost while the light was being switched on.
+  if (!control_.Check(token).ok()) {
+    absl::Status halted = rig_.Halt();
+    if (status.ok()) status = halted.ok() ? control_.Check(token) : halted;
+  }
+  rig_.Release();
+  return status;
+}
+
+grpc::Status RigService::MoveAxis(grpc::ServerContext* context, const v1::MoveAxisRequest* request,
+                                  v1::MoveAxisResponse* response) {
+  return ToGrpc(Manually(request->control_token(), [&]() -> absl::Status {
+    if (request->axis() != v1::AXIS_ID_TURNTABLE && request->axis() != v1::AXIS_ID_TILT) {
+      return Error(absl::StatusCode::kInvalidArgument, "AXIS_UNKNOWN",
+                   absl::StrFormat("axis %d: TURNTABLE (1) and TILT (2) are known", request->axis()),
+                   {{"axis", absl::StrCat(request->axis())}});
+    }
+    AxisId id = request->axis() == v1::AXIS_ID_TURNTABLE ? AxisId::kTurntable : AxisId::kTilt;
+    double velocity = request->velocity_dps();
+    if (!(velocity >= 0 && std::isfinite(velocity))) {
+      return Error(absl::StatusCode::kInvalidArgument, "VELOCITY",
+                   absl::StrFormat("velocity_dps is %g; it must be finite and >= 0", velocity),
+                   {{"velocity_dps", absl::StrCat(velocity)}});
+    }
+    Angle target = Degrees(request->target_deg());
+    RETURN_IF_ERROR(CheckPose(id == AxisId::kTurntable ? Pose{target, facts_.limits.tilt_min}
+                                                       : Pose{facts_.limits.azimuth_min, target},
+                              facts_));
+    auto state =
+        rig_.MoveAxis(id, target, velocity, [&] { return context->IsCancelled() || closed_; });
+    if (!state.ok()) return state.status();
+    *response->mutable_axis() = ToMessage(id, *state);
+    return absl::OkStatus();
+  }));
+}
+
+Condition RigService::Light() {
+  RigSnapshot snapshot = rig_.Snapshot(false);
+  Condition light;
+  for (size_t i = 0; i < snapshot.lamp_levels.size(); ++i) {
+    if (snapshot.lamp_levels[i] > 0)
+      light.lamps.push_back({static_cast<int>(i), snapshot.lamp_levels[i]});
+  }
+  if (snapshot.pattern.grid > 0 && snapshot.pattern.arrangement != PatternArrangement::kBlack)
+    light.pattern = snapshot.pattern;
+  return light;
+}
+
+absl::Status RigService::ApplyLight(const Condition& condition) {
+  RETURN_IF_ERROR(CheckCondition(condition, facts_));
+  return rig_.StartCondition(condition)->Wait();
+}
+
+grpc::Status RigService::SetLamps(grpc::ServerContext*, const v1::SetLampsRequest* request,
+                                  v1::SetLampsResponse* response) {
+  return ToGrpc(Manually(request->control_token(), [&]() -> absl::Status {
+    Condition light = Light();
+    if (request->others_off()) light.lamps.clear();
+    for (const v1::LampLevel& asked : request->lamps()) {
+      std::erase_if(light.lamps, [&](const LampLevel& l) { return l.lamp == asked.lamp(); });
+      light.lamps.push_back({asked.lamp(), asked.level()});
+    }
+    RETURN_IF_ERROR(CheckCondition(light, facts_));
+    std::erase_if(light.lamps, [](const LampLevel& l) { return l.level == 0; });
+    RETURN_IF_ERROR(ApplyLight(light));
+    AddLit(rig_.Snapshot(false).lamp_levels, response->mutable_lamps());
+    return absl::OkStatus();
+  }));
+}
+
+grpc::Status RigService::ShowPattern(grpc::ServerContext*, const v1::ShowPatternRequest* request,
+                                     v1::ShowPatternResponse* response) {
+  return ToGrpc(Manually(request->control_token(), [&]() -> absl::Status {
+    Condition light = Light();
+    ASSIGN_OR_RETURN(light.pattern, FromMessage(request->pattern()));
+    RETURN_IF_ERROR(ApplyLight(light));
+    *response->mutable_pattern() = rpc::ToMessage(rig_.Snapshot(false).pattern);
+    return absl::OkStatus();
+  }));
+}
+
+grpc::Status RigService::Snap(grpc::ServerContext*, const v1::SnapRequest* request,
+                              grpc::ServerWriter<v1::SnapResponse>* writer) {
+  std::string file;
+  ShotChecks checks;
+  absl::Status taken = Manually(request->control_token(), [&]() -> absl::Status {
+    RawShot raw;
+    ASSIGN_OR_RETURN(raw.shot.exposures, ExposuresFromMessage(request->exposures_us()));
+    if (raw.shot.exposures.empty()) raw.shot.exposures = facts_.default_exposures;
+    RETURN_IF_ERROR(CheckExposures(raw.shot.exposures, facts_));
+    raw.shot.condition = Light();
+    ASSIGN_OR_RETURN(raw.reported_pose, rig_.ReadPose());
+    raw.shot.pose = raw.reported_pose;
+    RETURN_IF_ERROR(rig_.ArmCamera());
+    raw.captured_at = rig_.clock().WallNow();
+    Bracket bracket(rig_, raw.shot.exposures);
+    absl::Status exposed = bracket.Expose();
+    auto frames = exposed.ok() ? bracket.TakeFrames() : exposed;
+    absl::Status disarmed = rig_.DisarmCamera();
+    if (!frames.ok()) return frames.status();
+    RETURN_IF_ERROR(disarmed);
+    raw.frames = *std::move(frames);
+    raw.exposures = ExposureRecords(raw.shot.exposures, raw.frames);
+    ASSIGN_OR_RETURN(Developed developed,
+                     Develop(raw, rig_.file().develop, rig_.file().geometry));
+    checks = developed.checks;
+    ASSIGN_OR_RETURN(ExrCompression compression, ParseExrCompression(facts_.compression));
+    FrameAttributes attributes{.rig_name = rig_.file().name,
+                               .shot = raw.shot,
+                               .reported_pose = raw.reported_pose,
+                               .direction = developed.direction,
+                               .captured_at = FormatUtc(raw.captured_at),
+                               .camera = facts_.geometry.camera};
+    for (const ExposureRecord& exposure : raw.exposures)
+      attributes.exposures_s.push_back(Seconds(exposure.used));
+    ASSIGN_OR_RETURN(file, EncodeBasisExr(developed.image, attributes, compression));
+    return absl::OkStatus();
+  });
+  if (!taken.ok()) return ToGrpc(taken);
+  WriteChunks<v1::SnapResponse>(*writer, file, [&](v1::SnapResponse& first) {
+    first.set_saturated_share(checks.saturated_share);
+    first.set_black_share(checks.black_share);
+  });
+  return grpc::Status::OK;
+}
+
+grpc::Status RigService::StopRig(grpc::ServerContext*, const v1::StopRigRequest* request,
+                                 v1::StopRigResponse* response) {
+  std::string note = request->note().substr(0, 500);
+  absl::Status reason = Error(absl::StatusCode::kAborted, "STOP_ASKED",
+                              note.empty() ? "stop was asked for" : absl::StrCat("stop: ", note),
+                              {{"note", note}});
+  // The run first: it must not take the stop for a fault that a reset a moment later has mended.
+  runs_.HoldActive(reason);
+  absl::Status stopped = rig_.Stop(reason);
+  if (!stopped.ok()) return ToGrpc(stopped);
+  *response->mutable_state() = State();
+  return grpc::Status::OK;
+}
+
+grpc::Status RigService::ResetRig(grpc::ServerContext*, const v1::ResetRigRequest* request,
+                                  v1::ResetRigResponse* response) {
+  absl::Status reset = control_.Check(request->control_token());
+  if (reset.ok() && !runs_.at_rest()) {
+    reset = Error(absl::StatusCode::kFailedPrecondition, "RUN_ACTIVE",
+                  "a run is using the rig; reset when it is paused or has ended");
+  }
+  if (reset.ok()) reset = rig_.Reset();
+  if (!reset.ok()) return ToGrpc(reset);
+  *response->mutable_state() = State();
+  return grpc::Status::OK;
+}
+
+}  // namespace lightstage::rpc

@@ -1,0 +1,52 @@
+#include "drivers/api/camera.h"
+
+#include <array>
+
+#include "absl/strings/str_cat.h"
+
+namespace lightstage {
+namespace {
+
+struct FormatTraits {
+  PixelFormat format;
+  std::string_view name;
+  int bytes, samples;
+  bool bayer;
+};
+
+constexpr std::array kFormats = {
+    FormatTraits{PixelFormat::kMono8, "Mono8", 1, 1, false},
+    FormatTraits{PixelFormat::kMono16, "Mono16", 2, 1, false},
+    FormatTraits{PixelFormat::kBayerRG8, "BayerRG8", 1, 1, true},
+    FormatTraits{PixelFormat::kBayerGR8, "BayerGR8", 1, 1, true},
+    FormatTraits{PixelFormat::kBayerGB8, "BayerGB8", 1, 1, true},
+    FormatTraits{PixelFormat::kBayerBG8, "BayerBG8", 1, 1, true},
+    FormatTraits{PixelFormat::kBayerRG16, "BayerRG16", 2, 1, true},
+    FormatTraits{PixelFormat::kBayerGR16, "BayerGR16", 2, 1, true},
+    FormatTraits{PixelFormat::kBayerGB16, "BayerGB16", 2, 1, true},
+    FormatTraits{PixelFormat::kBayerBG16, "BayerBG16", 2, 1, true},
+    FormatTraits{PixelFormat::kRGB8, "RGB8", 1, 3, false},
+    FormatTraits{PixelFormat::kRGB16, "RGB16", 2, 3, false},
+};
+
+const FormatTraits& Traits(PixelFormat format) { return kFormats[static_cast<size_t>(format)]; }
+
+}  // namespace
+
+std::string_view PixelFormatName(PixelFormat format) { return Traits(format).name; }
+int BytesPerSample(PixelFormat format) { return Traits(format).bytes; }
+int SamplesPerPixel(PixelFormat format) { return Traits(format).samples; }
+bool IsBayer(PixelFormat format) { return Traits(format).bayer; }
+
+absl::StatusOr<PixelFormat> ParsePixelFormat(std::string_view name) {
+  std::string known;
+  for (const auto& traits : kFormats) {
+    if (traits.name == name) return traits.format;
+    absl::StrAppend(&known, known.empty() ? "" : ", ", traits.name);
+  }
+  return Error(absl::StatusCode::kInvalidArgument, "PIXEL_FORMAT",
+               absl::StrCat("unknown pixel format '", name, "'; known: ", known),
+               {{"format", std::string(name)}});
+}
+
+}  // namespace lightstage

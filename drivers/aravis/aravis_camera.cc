@@ -1,0 +1,364 @@
+#include "drivers/aravis/aravis_camera.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "absl/strings/str_format.h"
+
+namespace lightstage {
+
+absl::StatusOr<std::unique_ptr<Camera>> AravisCamera::Open(const AravisOptions& options,
+                                                           const DeviceContext& context) {
+  if (context.clock->is_virtual()) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrCat(context.name, ": a real camera can not run on virtual time"),
+                 {{"device", context.name}});
+  }
+  std::unique_ptr<AravisCamera> camera(new AravisCamera(options, context));
+  ASSIGN_OR_RETURN(camera->link_, camera->Connect());
+  camera->capabilities_ = camera->link_->capabilities();
+  const AravisCapabilities& caps = camera->capabilities_;
+  CameraInfo& info = camera->info_;
+  info.identity = {context.name, "aravis", absl::StrCat(caps.vendor, " ", caps.model), caps.serial};
+  info.sensor_width = caps.width.max;
+  info.sensor_height = caps.height.max;
+  for (const AravisCapabilities::Format& f : caps.formats) info.formats.push_back(f.format);
+  info.min_exposure = caps.min_exposure;
+  info.max_exposure = caps.max_exposure;
+  info.exposure_step = caps.exposure_step;
+  info.min_gain_db = caps.MinGainDb();
+  info.max_gain_db = caps.MaxGainDb();
+  info.readout = options.readout;
+  camera->thread_ = std::thread([raw = camera.get()] { raw->Run(); });
+  spdlog::info("{}: {} {} opened, {}x{}", context.name, info.identity.model, info.identity.serial,
+               info.sensor_width, info.sensor_height);
+  return std::unique_ptr<Camera>(std::move(camera));
+}
+
+AravisCamera::AravisCamera(const AravisOptions& options, const DeviceContext& context)
+    : options_(options), name_(context.name), clock_(*context.clock) {}
+
+AravisCamera::~AravisCamera() {
+  FailAll(Error(absl::StatusCode::kCancelled, "DEVICE_CLOSED", absl::StrCat(name_, ": closed"),
+                {{"device", name_}}));
+  {
+    MutexLock lock(&mutex_);
+    quit_ = true;
+    task_there_.Signal();
+  }
+  if (thread_.joinable()) thread_.join();
+  link_.reset();
+  std::vector<std::shared_ptr<Outstanding>> last;
+  {
+    MutexLock lock(&mutex_);
+    last.swap(outstanding_);
+  }
+  // Their timers, Disarm or a lost connection may be calling completions.
+  for (const auto& operation : last) operation->AwaitIdle();
+}
+
+absl::StatusOr<std::unique_ptr<AravisLink>> AravisCamera::Connect() {
+  AravisLink::Events events;
+  events.first_packet = [this](uint64_t session, TimePoint time) {
+    Post([this, session, time] { OnFirstPacket(session, time); });
+  };
+  events.buffer_done = [this](uint64_t session) { Post([this, session] { OnBuffer(session); }); };
+  events.control_lost = [this] { OnControlLost(); };
+  return AravisLink::Open(options_, name_, clock_, std::move(events));
+}
+
+// ---- Any thread
+
+void AravisCamera::Post(Task task) {
+  MutexLock lock(&mutex_);
+  tasks_.push_back(std::move(task));
+  task_there_.Signal();
+}
+
+void AravisCamera::TrackLocked(std::shared_ptr<Outstanding> operation) {
+  outstanding_.erase(std::remove_if(outstanding_.begin(), outstanding_.end(),
+                                    [](const auto& o) { return o->finished() && o->idle(); }),
+                     outstanding_.end());
+  outstanding_.push_back(std::move(operation));
+}
+
+void AravisCamera::FailAtDeadline(const std::shared_ptr<Outstanding>& operation, TimePoint deadline,
+                                  const char* what) {
+  if (deadline == kNever) return;
+  std::weak_ptr<Outstanding> weak = operation;
+  clock_.At(deadline, [weak, name = name_, what = std::string(what)] {
+    std::shared_ptr<Outstanding> late = weak.lock();
+    if (!late) return;
+    late->Fail(Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT",
+                     absl::StrFormat("%s: %s was not confirmed in time", name, what),
+                     {{"device", name}, {"operation", what}}));
+  });
+}
+
+std::shared_ptr<AravisCamera::ConfigOperation> AravisCamera::Start(Completion<CameraConfig> done,
+                                                                   TimePoint deadline,
+                                                                   const char* what) {
+  auto operation = std::make_shared<ConfigOperation>(std::move(done));
+  {
+    MutexLock lock(&mutex_);
+    TrackLocked(operation);
+  }
+  FailAtDeadline(operation, deadline, what);
+  return operation;
+}
+
+void AravisCamera::FailAll(const absl::Status& status) {
+  std::vector<std::shared_ptr<Outstanding>> all;
+  {
+    MutexLock lock(&mutex_);
+    all = outstanding_;
+  }
+  for (const auto& operation : all) operation->Fail(status);
+}
+
+absl::Status AravisCamera::LostError() const {
+  return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
+               absl::StrCat(name_,
+                            ": control of the camera was lost: it was unplugged, restarted or "
+                            "taken by another program; configure it to connect anew"),
+               {{"device", name_}});
+}
+
+void AravisCamera::OnControlLost() {
+  lost_ = true;
+  spdlog::warn("{}: control lost", name_);
+  FailAll(LostError());
+}
+
+absl::Status AravisCamera::TriggerRefusalLocked(Duration exposure) {
+  if (exposure < info_.min_exposure || exposure > info_.max_exposure) {
+    return Error(absl::StatusCode::kOutOfRange, "EXPOSURE_RANGE",
+                 absl::StrCat(name_, ": ", capabilities_.ValidateExposure(exposure).note),
+                 {{"device", name_}, {"exposure_us", absl::StrCat(Seconds(exposure) * 1e6)}});
+  }
+  if (!armed_) {
+    return Error(absl::StatusCode::kFailedPrecondition, "CAMERA_NOT_ARMED",
+                 absl::StrCat(name_, ": must be armed before it is triggered"),
+                 {{"device", name_}});
+  }
+  if (shot_ && !shot_->finished()) {
+    return Error(absl::StatusCode::kFailedPrecondition, "CAMERA_BUSY",
+                 absl::StrCat(name_, ": triggered again before the last frame was ready"),
+                 {{"device", name_}});
+  }
+  return absl::OkStatus();
+}
+
+void AravisCamera::Configure(const CameraConfig& config, TimePoint deadline,
+                             Completion<CameraConfig> done) {
+  bool armed;
+  {
+    MutexLock lock(&mutex_);
+    armed = armed_;
+  }
+  if (armed) {
+    return std::move(done)(Error(absl::StatusCode::kFailedPrecondition, "CAMERA_ARMED",
+                                 absl::StrCat(name_, ": can not be configured while armed"),
+                                 {{"device", name_}}));
+  }
+  if (ConfigResult result = Validate(config); result.verdict != ConfigVerdict::kValid) {
+    return std::move(done)(Error(absl::StatusCode::kInvalidArgument, "CAMERA_CONFIG",
+                                 absl::StrCat(name_, ": ", result.notes.front()),
+                                 {{"device", name_}, {"note", result.notes.front()}}));
+  }
+  auto operation = Start(std::move(done), deadline, "Configure");
+  Post([this, operation, config] {
+    if (operation->finished()) return;
+    operation->Complete(DoConfigure(config));
+  });
+}
+
+void AravisCamera::Arm(TimePoint deadline, Completion<CameraConfig> done) {
+  auto operation = Start(std::move(done), deadline, "Arm");
+  uint64_t disarms;
+  {
+    MutexLock lock(&mutex_);
+    disarms = disarms_;
+  }
+  Post([this, operation, deadline, disarms] {
+    if (operation->finished()) return;
+    if (absl::Status status = DoArm(deadline); !status.ok()) {
+      operation->Fail(status);
+      return;
+    }
+    {
+      MutexLock lock(&mutex_);
+      armed_ = disarms == disarms_;
+    }
+    operation->Complete(config_);
+  });
+}
+
+void AravisCamera::Trigger(Duration exposure, TimePoint deadline,
+                           Completion<ExposureEnd> exposure_ended, Completion<Frame> frame_ready) {
+  auto shot =
+      std::make_shared<Shot>(exposure, deadline, std::move(exposure_ended), std::move(frame_ready));
+  absl::Status refusal;
+  {
+    MutexLock lock(&mutex_);
+    refusal = TriggerRefusalLocked(exposure);
+    if (refusal.ok()) {
+      shot_ = shot;
+      TrackLocked(shot);
+    }
+  }
+  if (!refusal.ok()) {
+    shot->Fail(refusal);
+    return;
+  }
+  FailAtDeadline(shot, deadline, "the frame");
+  Post([this, shot] { DoTrigger(shot); });
+}
+
+void AravisCamera::Disarm(TimePoint deadline, Completion<CameraConfig> done) {
+  {
+    MutexLock lock(&mutex_);
+    armed_ = false;
+    ++disarms_;
+  }
+  FailAll(Error(absl::StatusCode::kCancelled, "CAMERA_DISARMED", absl::StrCat(name_, ": disarmed"),
+                {{"device", name_}}));
+  auto operation = Start(std::move(done), deadline, "Disarm");
+  Post([this, operation] {
+    if (link_) link_->StopStream();
+    streaming_ = false;
+    active_.reset();
+    operation->Complete(config_);
+  });
+}
+
+// ---- The device's thread
+
+void AravisCamera::Run() {
+  MutexLock lock(&mutex_);
+  while (true) {
+    while (!quit_ && tasks_.empty()) task_there_.Wait(&mutex_);
+    if (tasks_.empty()) return;
+    Task task = std::move(tasks_.front());
+    tasks_.pop_front();
+    mutex_.Unlock();
+    std::move(task)();
+    mutex_.Lock();
+  }
+}
+
+absl::StatusOr<CameraConfig> AravisCamera::DoConfigure(const CameraConfig& config) {
+  if (lost_ || !link_) {
+    configured_ = streaming_ = false;
+    active_.reset();
+    link_.reset();
+    sequence_base_ = last_sequence_;
+    ASSIGN_OR_RETURN(link_, Connect());
+    lost_ = false;
+    if (link_->capabilities().serial != capabilities_.serial ||
+        link_->capabilities().width.max != capabilities_.width.max ||
+        link_->capabilities().height.max != capabilities_.height.max) {
+      lost_ = true;
+      return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                   absl::StrFormat("%s: another camera answers now: serial '%s' instead of '%s'",
+                                   name_, link_->capabilities().serial, capabilities_.serial),
+                   {{"device", name_}, {"serial", link_->capabilities().serial}});
+    }
+    spdlog::info("{}: connected anew", name_);
+  }
+  ASSIGN_OR_RETURN(config_, link_->Configure(config));
+  configured_ = true;
+  return config_;
+}
+
+absl::Status AravisCamera::DoArm(TimePoint deadline) {
+  if (lost_ || !link_) return LostError();
+  if (!configured_) {
+    return Error(absl::StatusCode::kFailedPrecondition, "CAMERA_NOT_CONFIGURED",
+                 absl::StrCat(name_, ": must be configured before it is armed"),
+                 {{"device", name_}});
+  }
+  streaming_ = false;
+  active_.reset();
+  absl::Status started = link_->StartStream(config_, deadline);
+  if (!started.ok()) {
+    link_->StopStream();
+    return started;
+  }
+  streaming_ = true;
+  out_of_step_ = false;
+  return absl::OkStatus();
+}
+
+void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
+  if (shot->finished()) return;
+  if (lost_ || !link_) {
+    shot->Fail(LostError());
+    return;
+  }
+  // A trigger whose frame never came: it may still come, and must not be taken for this one's.
+  if (active_) out_of_step_ = true;
+  if (out_of_step_ || !streaming_) {
+    spdlog::warn("{}: starting the stream anew after a stray or missing frame", name_);
+    if (absl::Status status = DoArm(shot->deadline); !status.ok()) {
+      shot->Fail(status);
+      return;
+    }
+  }
+  absl::StatusOr<Duration> used = link_->SetExposure(shot->exposure);
+  if (!used.ok()) {
+    shot->Fail(used.status());
+    return;
+  }
+  if (shot->finished()) return;  // too late, or disarmed meanwhile
+  shot->used_exposure = *used;
+  active_ = shot;
+  shot->sent = clock_.Now();
+  if (absl::Status status = link_->SoftwareTrigger(); !status.ok()) {
+    shot->Fail(status);  // stays active: the camera may have got it
+    return;
+  }
+  shot->acknowledged = clock_.Now();
+  if (options_.exposure_end_margin) {
+    TimePoint end = shot->acknowledged + shot->used_exposure + *options_.exposure_end_margin;
+    std::weak_ptr<Shot> weak = shot;
+    clock_.At(end, [weak, end] {
+      if (std::shared_ptr<Shot> s = weak.lock()) s->EndExposure(end);
+    });
+  }
+}
+
+void AravisCamera::OnFirstPacket(uint64_t session, TimePoint time) {
+  if (!streaming_ || session != link_->session()) return;
+  if (!active_ || time < active_->sent || active_->first_packet) {
+    out_of_step_ = true;
+    return;
+  }
+  active_->first_packet = time;
+  active_->EndExposure(time);
+}
+
+void AravisCamera::OnBuffer(uint64_t session) {
+  if (!streaming_ || session != link_->session()) return;
+  std::optional<absl::StatusOr<Frame>> taken = link_->TakeBuffer();
+  if (!taken) return;
+  if (!active_ || !active_->first_packet) {
+    out_of_step_ = true;
+    return;
+  }
+  std::shared_ptr<Shot> shot = std::move(active_);
+  active_.reset();
+  absl::StatusOr<Frame> frame = *std::move(taken);
+  if (frame.ok()) {
+    last_sequence_ = frame->sequence += sequence_base_;
+    frame->exposure = shot->used_exposure;
+    // Triggered between sent and acknowledged; over when its first packet came.
+    TimePoint start = shot->sent + (shot->acknowledged - shot->sent) / 2;
+    frame->exposure_end = std::min(start + shot->used_exposure, *shot->first_packet);
+    frame->exposure_start = frame->exposure_end - shot->used_exposure;
+  }
+  shot->Finish(std::move(frame));
+}
+
+}  // namespace lightstage

@@ -1,0 +1,49 @@
+// What a camera told about itself when it was opened, and what follows from that for a configuration. Pure values: no device is
+// touched here.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "drivers/api/camera.h"
+
+namespace lightstage {
+
+struct AravisCapabilities {
+  struct Format {
+    PixelFormat format;
+    uint32_t code = 0;         // GenICam's 32-bit pixel format code
+    int significant_bits = 8;  // of a sample
+  };
+  struct Size {
+    int min = 1, max = 0, step = 1;
+    int offset_step = 1;
+    bool has_offset = false;
+  };
+  enum class Gain { kNone, kDecibels, kRaw };
+
+  std::string vendor, model, serial;
+  std::vector<Format> formats;
+  Size width, height;  // maxima are the sensor's
+  Duration min_exposure{}, max_exposure{}, exposure_step{};
+  Gain gain = Gain::kNone;
+  double min_gain = 0, max_gain = 0;  // dB or raw steps
+  double gain_db_per_step = 0;        // raw gain only; 0: unknown
+
+  double MinGainDb() const;
+  double MaxGainDb() const;
+  const Format* Find(PixelFormat format) const;
+
+  ConfigResult Validate(const CameraConfig& config) const;
+  ExposureResult ValidateExposure(Duration exposure) const;
+};
+
+// The formats of drivers/api that can be served by a camera with these GenICam codes: for each, the camera's format with the
+// most bits per sample. Packed formats are not used.
+std::vector<AravisCapabilities::Format> UsableFormats(const std::vector<uint32_t>& codes);
+
+// Where a region of `size` begins, so that it is centred on a sensor of `sensor` samples as well as `step` allows.
+int CentredOffset(int sensor, int size, int step);
+
+}  // namespace lightstage

@@ -1,0 +1,511 @@
+#include "drivers/aravis/link.h"
+
+#include <arv.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "absl/strings/str_format.h"
+
+namespace lightstage {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr int kBuffers = 4;  // one exposure at a time; the rest covers late and stray frames
+constexpr int kWarmUpFrames = 4;
+constexpr gint kSocketBuffer = 32 << 20;
+
+// A GError on the stack that becomes a Status.
+class GErrorSlot {
+ public:
+  GErrorSlot() = default;
+  GErrorSlot(const GErrorSlot&) = delete;
+  GErrorSlot& operator=(const GErrorSlot&) = delete;
+  ~GErrorSlot() { g_clear_error(&error_); }
+  GError** out() {
+    g_clear_error(&error_);
+    return &error_;
+  }
+  const GError* get() const { return error_; }
+  std::string message() const { return error_ ? error_->message : "no answer"; }
+
+ private:
+  GError* error_ = nullptr;
+};
+
+const char* StatusName(ArvBufferStatus status) {
+  switch (status) {
+    case ARV_BUFFER_STATUS_SUCCESS:
+      return "success";
+    case ARV_BUFFER_STATUS_CLEARED:
+      return "cleared";
+    case ARV_BUFFER_STATUS_TIMEOUT:
+      return "timeout";
+    case ARV_BUFFER_STATUS_MISSING_PACKETS:
+      return "missing packets";
+    case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
+      return "wrong packet id";
+    case ARV_BUFFER_STATUS_SIZE_MISMATCH:
+      return "size mismatch";
+    case ARV_BUFFER_STATUS_FILLING:
+      return "still filling";
+    case ARV_BUFFER_STATUS_ABORTED:
+      return "aborted";
+    default:
+      return "unknown";
+  }
+}
+
+Duration Microseconds(double us) { return FromSeconds(us * 1e-6); }
+
+std::string OrEmpty(const char* text) { return text ? text : ""; }
+
+}  // namespace
+
+absl::Status AravisLink::Check(const _GError* error, std::string_view operation) {
+  if (!error) return absl::OkStatus();
+  absl::StatusCode code = absl::StatusCode::kInternal;
+  std::string_view reason = "DEVICE_FAULT";
+  if (error->domain == ARV_DEVICE_ERROR) {
+    switch (error->code) {
+      case ARV_DEVICE_ERROR_TIMEOUT:
+        code = absl::StatusCode::kDeadlineExceeded;
+        reason = "DEVICE_SILENT";
+        answers_ = false;
+        break;
+      case ARV_DEVICE_ERROR_NOT_CONNECTED:
+      case ARV_DEVICE_ERROR_NOT_CONTROLLER:
+      case ARV_DEVICE_ERROR_PROTOCOL_ERROR_ACCESS_DENIED:
+        code = absl::StatusCode::kUnavailable;
+        reason = "DEVICE_LOST";
+        break;
+      default:
+        break;
+    }
+  }
+  return Error(
+      code, reason, absl::StrFormat("%s: %s failed: %s", name_, operation, error->message),
+      {{"device", name_}, {"operation", std::string(operation)}, {"detail", error->message}});
+}
+
+AravisLink::AravisLink(const AravisOptions& options, std::string name, Clock& clock, Events events)
+    : options_(options), name_(std::move(name)), clock_(clock), events_(std::move(events)) {}
+
+AravisLink::~AravisLink() {
+  StopStream();
+  if (!camera_) return;
+  if (lost_handler_ != 0)
+    g_signal_handler_disconnect(arv_camera_get_device(camera_), lost_handler_);
+  g_object_unref(camera_);
+}
+
+absl::StatusOr<std::unique_ptr<AravisLink>> AravisLink::Open(const AravisOptions& options,
+                                                             const std::string& name, Clock& clock,
+                                                             Events events) {
+  std::unique_ptr<AravisLink> link(new AravisLink(options, name, clock, std::move(events)));
+  RETURN_IF_ERROR(link->Connect());
+  RETURN_IF_ERROR(link->Prepare());
+  RETURN_IF_ERROR(link->ReadCapabilities());
+  return link;
+}
+
+absl::Status AravisLink::Connect() {
+  std::string target = options_.address;
+  if (target.empty()) {
+    arv_update_device_list();
+    std::string seen;
+    for (unsigned int i = 0; i < arv_get_n_devices(); ++i) {
+      std::string serial = OrEmpty(arv_get_device_serial_nbr(i));
+      absl::StrAppend(&seen, seen.empty() ? "" : ", ", serial);
+      if (serial == options_.serial) target = OrEmpty(arv_get_device_id(i));
+    }
+    if (target.empty()) {
+      return Error(absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND",
+                   absl::StrFormat("%s: no camera with serial '%s' answers; seen: %s", name_,
+                                   options_.serial, seen.empty() ? "none" : seen),
+                   {{"device", name_}, {"serial", options_.serial}, {"seen", seen}});
+    }
+  }
+  GErrorSlot error;
+  camera_ = arv_camera_new(target.c_str(), error.out());
+  if (!camera_) {
+    return Error(
+        absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND",
+        absl::StrFormat("%s: no camera answers at '%s': %s", name_, target, error.message()),
+        {{"device", name_}, {"address", target}, {"detail", error.message()}});
+  }
+  capabilities_.vendor = OrEmpty(arv_camera_get_vendor_name(camera_, nullptr));
+  capabilities_.model = OrEmpty(arv_camera_get_model_name(camera_, nullptr));
+  capabilities_.serial = OrEmpty(arv_camera_get_device_serial_number(camera_, nullptr));
+  if (!options_.serial.empty() && capabilities_.serial != options_.serial) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrFormat("%s: the camera at '%s' has serial '%s', the rig file wants '%s'",
+                                 name_, target, capabilities_.serial, options_.serial),
+                 {{"device", name_},
+                  {"address", target},
+                  {"serial", capabilities_.serial},
+                  {"wanted", options_.serial}});
+  }
+  ArvDevice* device = arv_camera_get_device(camera_);
+  if (arv_camera_is_gv_device(camera_)) {
+    arv_camera_gv_set_stream_options(camera_, options_.packet_socket
+                                                  ? ARV_GV_STREAM_OPTION_NONE
+                                                  : ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
+    if (options_.packet_size) {
+      arv_camera_gv_set_packet_size_adjustment(camera_, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
+      arv_camera_gv_set_packet_size(camera_, *options_.packet_size, error.out());
+      RETURN_IF_ERROR(Check(error.get(), "setting the packet size"));
+    }
+    if (!arv_gv_device_is_controller(ARV_GV_DEVICE(device))) {
+      return Error(
+          absl::StatusCode::kUnavailable, "DEVICE_LOST",
+          absl::StrFormat("%s: another program controls the camera at '%s'", name_, target),
+          {{"device", name_}, {"address", target}});
+    }
+  } else if (options_.packet_size || options_.packet_timeout || options_.frame_retention ||
+             options_.packet_socket) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrFormat("%s: packet_size, packet_timeout_ms, frame_retention_ms and "
+                                 "packet_socket are for GigE cameras; '%s' is none",
+                                 name_, target),
+                 {{"device", name_}, {"address", target}});
+  }
+  auto lost =
+      +[](ArvDevice*, gpointer self) { static_cast<AravisLink*>(self)->events_.control_lost(); };
+  lost_handler_ = g_signal_connect(device, "control-lost", G_CALLBACK(lost), this);
+  return absl::OkStatus();
+}
+
+// Whatever state the last user left the camera in.
+absl::Status AravisLink::Prepare() {
+  GErrorSlot error;
+  arv_camera_stop_acquisition(camera_, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "stopping the acquisition"));
+  if (!arv_camera_is_software_trigger_supported(camera_, nullptr)) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrCat(name_, ": the camera has no software trigger"), {{"device", name_}});
+  }
+  if (!arv_camera_is_exposure_time_available(camera_, nullptr)) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrCat(name_, ": the camera's exposure time can not be set"),
+                 {{"device", name_}});
+  }
+  if (arv_camera_is_exposure_auto_available(camera_, nullptr)) {
+    arv_camera_set_exposure_time_auto(camera_, ARV_AUTO_OFF, error.out());
+    RETURN_IF_ERROR(Check(error.get(), "turning automatic exposure off"));
+  }
+  if (arv_camera_is_gain_auto_available(camera_, nullptr)) {
+    arv_camera_set_gain_auto(camera_, ARV_AUTO_OFF, error.out());
+    RETURN_IF_ERROR(Check(error.get(), "turning automatic gain off"));
+  }
+  if (arv_camera_is_binning_available(camera_, nullptr)) {
+    arv_camera_set_binning(camera_, 1, 1, error.out());
+    RETURN_IF_ERROR(Check(error.get(), "turning binning off"));
+  }
+  if (arv_camera_is_region_offset_available(camera_, nullptr)) {
+    for (const char* offset : {"OffsetX", "OffsetY"}) {
+      arv_camera_set_integer(camera_, offset, 0, error.out());
+      RETURN_IF_ERROR(Check(error.get(), absl::StrCat("setting ", offset)));
+    }
+  }
+  arv_camera_set_acquisition_mode(camera_, ARV_ACQUISITION_MODE_CONTINUOUS, error.out());
+  return Check(error.get(), "setting the acquisition mode");
+}
+
+absl::Status AravisLink::ReadCapabilities() {
+  GErrorSlot error;
+  AravisCapabilities& caps = capabilities_;
+
+  unsigned int count = 0;
+  gint64* codes = arv_camera_dup_available_pixel_formats(camera_, &count, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the pixel formats"));
+  std::vector<uint32_t> offered(codes, codes + count);
+  g_free(codes);
+  caps.formats = UsableFormats(offered);
+  if (caps.formats.empty()) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrCat(name_,
+                              ": none of the camera's pixel formats can be used; wanted are "
+                              "unpacked Mono, Bayer or RGB of 8 to 16 bits"),
+                 {{"device", name_}});
+  }
+
+  bool offsets = arv_camera_is_region_offset_available(camera_, nullptr);
+  gint low = 0, high = 0;
+  arv_camera_get_width_bounds(camera_, &low, &high, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the width's range"));
+  caps.width.min = low;
+  caps.width.max = high;
+  arv_camera_get_height_bounds(camera_, &low, &high, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the height's range"));
+  caps.height.min = low;
+  caps.height.max = high;
+  caps.width.step = std::max(1, arv_camera_get_width_increment(camera_, nullptr));
+  caps.height.step = std::max(1, arv_camera_get_height_increment(camera_, nullptr));
+  caps.width.has_offset = caps.height.has_offset = offsets;
+  if (offsets) {
+    caps.width.offset_step = std::max(1, arv_camera_get_x_offset_increment(camera_, nullptr));
+    caps.height.offset_step = std::max(1, arv_camera_get_y_offset_increment(camera_, nullptr));
+  }
+
+  double shortest = 0, longest = 0;
+  arv_camera_get_exposure_time_bounds(camera_, &shortest, &longest, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the exposure time's range"));
+  caps.min_exposure = std::max<Duration>(Microseconds(shortest), Duration(1));
+  caps.max_exposure = Microseconds(longest);
+  for (const char* feature : {"ExposureTime", "ExposureTimeAbs"}) {
+    if (!arv_camera_is_feature_available(camera_, feature, nullptr)) continue;
+    // Without a step in the camera's description libaravis answers the smallest number there is.
+    double step = arv_camera_get_float_increment(camera_, feature, nullptr);
+    if (step > 1e-3 && step < longest) caps.exposure_step = Microseconds(step);
+  }
+  return ReadGain();
+}
+
+absl::Status AravisLink::ReadGain() {
+  AravisCapabilities& caps = capabilities_;
+  if (!arv_camera_is_gain_available(camera_, nullptr)) return absl::OkStatus();
+  GErrorSlot error;
+  arv_camera_get_gain_bounds(camera_, &caps.min_gain, &caps.max_gain, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the gain's range"));
+  bool decibels = arv_camera_is_feature_available(camera_, "Gain", nullptr) ||
+                  arv_camera_is_feature_available(camera_, "GainAbs", nullptr);
+  caps.gain = decibels ? AravisCapabilities::Gain::kDecibels : AravisCapabilities::Gain::kRaw;
+  caps.gain_db_per_step = decibels ? 0 : options_.gain_db_per_step;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<CameraConfig> AravisLink::Configure(const CameraConfig& config) {
+  GErrorSlot error;
+  const AravisCapabilities& caps = capabilities_;
+  const AravisCapabilities::Format* format = caps.Find(config.format);
+  arv_camera_set_pixel_format(camera_, format->code, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "setting the pixel format"));
+
+  // Offsets go to 0 first: a size is checked against what is left beyond its offset.
+  const struct {
+    const char *size, *offset;
+    const AravisCapabilities::Size& range;
+    int value;
+  } sides[] = {{"Width", "OffsetX", caps.width, config.width},
+               {"Height", "OffsetY", caps.height, config.height}};
+  for (const auto& side : sides) {
+    if (side.range.has_offset) arv_camera_set_integer(camera_, side.offset, 0, error.out());
+    RETURN_IF_ERROR(Check(error.get(), absl::StrCat("setting ", side.offset)));
+    arv_camera_set_integer(camera_, side.size, side.value, error.out());
+    RETURN_IF_ERROR(Check(error.get(), absl::StrCat("setting ", side.size)));
+    if (!side.range.has_offset) continue;
+    int offset = CentredOffset(side.range.max, side.value, side.range.offset_step);
+    arv_camera_set_integer(camera_, side.offset, offset, error.out());
+    RETURN_IF_ERROR(Check(error.get(), absl::StrCat("setting ", side.offset)));
+  }
+
+  CameraConfig real = config;
+  if (caps.gain != AravisCapabilities::Gain::kNone) {
+    bool raw = caps.gain == AravisCapabilities::Gain::kRaw;
+    double unit = raw && caps.gain_db_per_step > 0 ? caps.gain_db_per_step : 1;
+    double zero = raw ? caps.min_gain : 0;
+    double wanted = config.gain_db / unit + zero;
+    arv_camera_set_gain(camera_, wanted, error.out());
+    RETURN_IF_ERROR(Check(error.get(), "setting the gain"));
+    double got = arv_camera_get_gain(camera_, error.out());
+    RETURN_IF_ERROR(Check(error.get(), "reading the gain"));
+    if (std::abs(got - wanted) > 1e-6) real.gain_db = (got - zero) * unit;
+  }
+
+  gint x = 0, y = 0, width = 0, height = 0;
+  arv_camera_get_region(camera_, &x, &y, &width, &height, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the region"));
+  uint32_t code = arv_camera_get_pixel_format(camera_, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the pixel format"));
+  if (code != format->code || width != config.width || height != config.height) {
+    return Error(absl::StatusCode::kInternal, "DEVICE_FAULT",
+                 absl::StrFormat("%s: asked for %s %dx%d, the camera took format 0x%08x %dx%d",
+                                 name_, PixelFormatName(config.format), config.width, config.height,
+                                 code, width, height),
+                 {{"device", name_}});
+  }
+  return real;
+}
+
+// ---- Stream
+
+void AravisLink::OnStream(void* self, int type, ArvBuffer*) {
+  AravisLink* link = static_cast<AravisLink*>(self);
+  if (!link->reporting_) return;
+  // session_ is written before the stream's thread starts and after it has ended.
+  if (type == ARV_STREAM_CALLBACK_TYPE_START_BUFFER) {
+    link->events_.first_packet(link->session_, link->clock_.Now());
+  } else if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) {
+    link->events_.buffer_done(link->session_);
+  }
+}
+
+absl::Status AravisLink::CreateStream() {
+  GErrorSlot error;
+  guint payload = arv_camera_get_payload(camera_, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the payload size"));
+  auto callback = +[](void* self, ArvStreamCallbackType type, ArvBuffer* buffer) {
+    OnStream(self, type, buffer);
+  };
+  stream_ = arv_camera_create_stream(camera_, callback, this, error.out());
+  if (!stream_) {
+    absl::Status why = Check(error.get(), "creating the stream");
+    return why.ok() ? Error(absl::StatusCode::kInternal, "DEVICE_FAULT",
+                            absl::StrCat(name_, ": can not create a stream"), {{"device", name_}})
+                    : why;
+  }
+  if (ARV_IS_GV_STREAM(stream_)) {
+    // A camera sends a frame in one burst. The kernel cuts this down to net.core.rmem_max.
+    g_object_set(stream_, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
+                 kSocketBuffer, nullptr);
+    auto us = [](Duration d) {
+      return static_cast<guint>(std::chrono::duration_cast<std::chrono::microseconds>(d).count());
+    };
+    if (options_.packet_timeout) {
+      g_object_set(stream_, "packet-timeout", us(*options_.packet_timeout), nullptr);
+    }
+    if (options_.frame_retention) {
+      g_object_set(stream_, "frame-retention", us(*options_.frame_retention), nullptr);
+    }
+  }
+  for (int i = 0; i < kBuffers; ++i)
+    arv_stream_push_buffer(stream_, arv_buffer_new(payload, nullptr));
+  return absl::OkStatus();
+}
+
+absl::Status AravisLink::StartStream(const CameraConfig& config, TimePoint deadline) {
+  StopStream();
+  ++session_;
+  config_ = config;
+  last_frame_id_.reset();
+  RETURN_IF_ERROR(CreateStream());
+  GErrorSlot error;
+  arv_camera_set_trigger(camera_, "Software", error.out());
+  RETURN_IF_ERROR(Check(error.get(), "turning the software trigger on"));
+  arv_camera_start_acquisition(camera_, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "starting the acquisition"));
+  return WarmUp(deadline);
+}
+
+absl::Status AravisLink::WarmUp(TimePoint deadline) {
+  Duration exposure =
+      std::clamp<Duration>(milliseconds(1), capabilities_.min_exposure, capabilities_.max_exposure);
+  RETURN_IF_ERROR(SetExposure(exposure).status());
+  bool seen = false;
+  for (int i = 0; i < kWarmUpFrames && clock_.Now() < deadline; ++i) {
+    RETURN_IF_ERROR(SoftwareTrigger());
+    Duration patience = std::min<Duration>(seconds(1) + exposure, deadline - clock_.Now());
+    auto us = std::chrono::duration_cast<std::chrono::microseconds>(patience).count();
+    ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream_, std::max<int64_t>(us, 1));
+    if (!buffer) continue;
+    seen = true;
+    bool complete = ToFrame(buffer).ok();
+    arv_stream_push_buffer(stream_, buffer);
+    if (complete) break;
+  }
+  reporting_ = true;
+  // A link that always loses packets shows with the first real frame.
+  if (seen) return absl::OkStatus();
+  return Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT",
+               absl::StrCat(name_, ": no frame came for the first trigger"), {{"device", name_}});
+}
+
+void AravisLink::StopStream() {
+  reporting_ = false;
+  if (!stream_) return;
+  if (answers_) arv_camera_stop_acquisition(camera_, nullptr);
+  g_clear_object(&stream_);  // joins its thread
+}
+
+absl::StatusOr<Duration> AravisLink::SetExposure(Duration exposure) {
+  if (asked_exposure_ == exposure) return used_exposure_;
+  asked_exposure_.reset();
+  GErrorSlot error;
+  arv_camera_set_exposure_time(camera_, Seconds(exposure) * 1e6, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "setting the exposure time"));
+  double us = arv_camera_get_exposure_time(camera_, error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the exposure time"));
+  used_exposure_ = Microseconds(us);
+  asked_exposure_ = exposure;
+  return used_exposure_;
+}
+
+absl::Status AravisLink::SoftwareTrigger() {
+  GErrorSlot error;
+  arv_camera_software_trigger(camera_, error.out());
+  return Check(error.get(), "triggering");
+}
+
+std::optional<absl::StatusOr<Frame>> AravisLink::TakeBuffer() {
+  if (!stream_) return std::nullopt;
+  ArvBuffer* buffer = arv_stream_try_pop_buffer(stream_);
+  if (!buffer) return std::nullopt;
+  absl::StatusOr<Frame> frame = ToFrame(buffer);
+  arv_stream_push_buffer(stream_, buffer);
+  return frame;
+}
+
+// GigE Vision's 16-bit frame ids run from 1 to 65535; longer ones do not wrap.
+uint64_t AravisLink::NextSequence(uint64_t frame_id) {
+  uint64_t ahead = 1;
+  if (last_frame_id_ && frame_id > *last_frame_id_) {
+    ahead = frame_id - *last_frame_id_;
+  } else if (last_frame_id_ && *last_frame_id_ <= 65535 && *last_frame_id_ - frame_id > 32767) {
+    ahead = frame_id + 65535 - *last_frame_id_;
+  }
+  last_frame_id_ = frame_id;
+  sequence_ += std::max<uint64_t>(ahead, 1);
+  return sequence_;
+}
+
+absl::StatusOr<Frame> AravisLink::ToFrame(ArvBuffer* buffer) {
+  uint64_t id = arv_buffer_get_frame_id(buffer);
+  auto incomplete = [&](const std::string& detail) {
+    return Error(absl::StatusCode::kDataLoss, "FRAME_INCOMPLETE",
+                 absl::StrFormat("%s: frame %d is incomplete: %s", name_, id, detail),
+                 {{"device", name_}, {"frame_id", absl::StrCat(id)}, {"detail", detail}});
+  };
+  ArvBufferStatus status = arv_buffer_get_status(buffer);
+  if (status != ARV_BUFFER_STATUS_SUCCESS) return incomplete(StatusName(status));
+  ArvBufferPayloadType type = arv_buffer_get_payload_type(buffer);
+  if (type != ARV_BUFFER_PAYLOAD_TYPE_IMAGE &&
+      type != ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA) {
+    return incomplete(absl::StrCat("payload type ", type, " is no image"));
+  }
+  const AravisCapabilities::Format* format = capabilities_.Find(config_.format);
+  uint32_t code = arv_buffer_get_image_pixel_format(buffer);
+  int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
+  if (code != format->code || width != config_.width || height != config_.height) {
+    return incomplete(absl::StrFormat("it is 0x%08x %dx%d instead of 0x%08x %dx%d", code, width,
+                                      height, format->code, config_.width, config_.height));
+  }
+  gint x_padding = 0, y_padding = 0;
+  arv_buffer_get_image_padding(buffer, &x_padding, &y_padding);
+  size_t row =
+      static_cast<size_t>(width) * SamplesPerPixel(format->format) * BytesPerSample(format->format);
+  size_t stride = row + x_padding;
+  size_t size = 0;
+  const void* data = arv_buffer_get_image_data(buffer, &size);
+  if (!data || size < stride * (height - 1) + row) {
+    return incomplete(absl::StrFormat("%d bytes of %d", size, stride * height));
+  }
+
+  Frame frame;
+  frame.format = format->format;
+  frame.width = width;
+  frame.height = height;
+  frame.significant_bits = format->significant_bits;
+  frame.gain_db = config_.gain_db;
+  frame.device_timestamp_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer));
+  frame.sequence = NextSequence(id);
+  frame.data.resize(row * height);
+  for (int y = 0; y < height; ++y) {
+    std::memcpy(frame.data.data() + y * row, static_cast<const std::byte*>(data) + y * stride, row);
+  }
+  return frame;
+}
+
+}  // namespace lightstage

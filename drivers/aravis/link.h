@@ -1,0 +1,93 @@
+// One camera behind libaravis, as blocking calls. All methods belong to one thread, the device's; only the Events come from
+// libaravis' own threads. Errors: DEADLINE_EXCEEDED / DEVICE_SILENT, UNAVAILABLE / DEVICE_LOST, INTERNAL / DEVICE_FAULT.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "drivers/api/camera.h"
+#include "drivers/aravis/capabilities.h"
+#include "drivers/aravis/options.h"
+
+typedef struct _ArvBuffer ArvBuffer;
+typedef struct _ArvCamera ArvCamera;
+typedef struct _ArvStream ArvStream;
+struct _GError;
+
+namespace lightstage {
+
+class AravisLink {
+ public:
+  // Called from libaravis' threads: must be short and must not call back. `session` counts the starts of the stream.
+  struct Events {
+    std::function<void(uint64_t session, TimePoint)> first_packet;  // of a frame
+    std::function<void(uint64_t session)> buffer_done;              // TakeBuffer() has something
+    std::function<void()> control_lost;
+  };
+
+  // Connects, takes control and puts the camera into a known state: no automatic exposure or gain, no binning, stopped.
+  // NOT_FOUND / DEVICE_NOT_FOUND; FAILED_PRECONDITION / DEVICE_UNSUITABLE if it can not be used this way.
+  static absl::StatusOr<std::unique_ptr<AravisLink>> Open(const AravisOptions& options,
+                                                          const std::string& name, Clock& clock,
+                                                          Events events);
+  // Ends the stream and gives up control; takes seconds if the camera does not answer. No event comes after it.
+  ~AravisLink();
+
+  const AravisCapabilities& capabilities() const { return capabilities_; }
+
+  // Applies a valid configuration and reads it back.
+  absl::StatusOr<CameraConfig> Configure(const CameraConfig& config);
+
+  // Gets buffers, turns the software trigger on and starts; then takes a frame that nobody sees, because the first frame of a
+  // session may arrive incomplete.
+  absl::Status StartStream(const CameraConfig& config, TimePoint deadline);
+  // Best effort; the stream's threads have ended afterwards.
+  void StopStream();
+  uint64_t session() const { return session_; }
+
+  // What the camera really uses. Costs nothing if it is already set.
+  absl::StatusOr<Duration> SetExposure(Duration exposure);
+  absl::Status SoftwareTrigger();
+
+  // The next frame or lost frame (DATA_LOSS / FRAME_INCOMPLETE); nothing if there is none yet. Exposure and its times are left to
+  // the caller.
+  std::optional<absl::StatusOr<Frame>> TakeBuffer();
+
+ private:
+  AravisLink(const AravisOptions& options, std::string name, Clock& clock, Events events);
+  // OK if there is no error. Notes a camera that does not answer.
+  absl::Status Check(const _GError* error, std::string_view operation);
+  absl::Status Connect();
+  absl::Status ReadCapabilities();
+  absl::Status ReadGain();
+  absl::Status Prepare();
+  absl::Status CreateStream();
+  absl::Status WarmUp(TimePoint deadline);
+  absl::StatusOr<Frame> ToFrame(ArvBuffer* buffer);
+  uint64_t NextSequence(uint64_t frame_id);
+  static void OnStream(void* self, int type, ArvBuffer* buffer);
+
+  const AravisOptions options_;
+  const std::string name_;
+  Clock& clock_;
+  const Events events_;
+  ArvCamera* camera_ = nullptr;
+  unsigned long lost_handler_ = 0;
+  std::atomic<bool> answers_{true};     // else it is no use asking the camera anything
+  std::atomic<bool> reporting_{false};  // events are wanted
+  AravisCapabilities capabilities_;
+
+  ArvStream* stream_ = nullptr;
+  uint64_t session_ = 0;
+  CameraConfig config_;
+  std::optional<Duration> asked_exposure_;  // last one set, if it is still there
+  Duration used_exposure_{};
+  std::optional<uint64_t> last_frame_id_;  // of this session
+  uint64_t sequence_ = 0;
+};
+
+}  // namespace lightstage

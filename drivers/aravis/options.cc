@@ -1,0 +1,31 @@
+#include "drivers/aravis/options.h"
+
+namespace lightstage {
+
+AravisOptions ParseAravisOptions(const TomlTable& table) {
+  AravisOptions options;
+  if (table.Has("address")) options.address = table.String("address");
+  if (table.Has("serial")) options.serial = table.String("serial");
+  if (options.address.empty() && options.serial.empty()) {
+    table.ErrorAt(
+        "", "needs address = \"…\" (GigE) or serial = \"…\", so that it can not be another camera");
+  }
+  if (table.Has("packet_size")) {
+    options.packet_size = static_cast<int>(table.Int("packet_size", 220, 16404));
+  }
+  if (table.Has("packet_timeout_ms")) {
+    options.packet_timeout = table.Time("packet_timeout_ms", 1, 10000);
+  }
+  if (table.Has("frame_retention_ms")) {
+    options.frame_retention = table.Time("frame_retention_ms", 1, 60000);
+  }
+  options.packet_socket = table.Bool("packet_socket", false);
+  if (table.Has("exposure_end_margin_us")) {
+    options.exposure_end_margin = table.Time("exposure_end_margin_us", 0, 1e6);
+  }
+  options.gain_db_per_step = table.Double("gain_db_per_step", 0, 10, 0.0);
+  options.readout = table.Time("readout_ms", 0, 10000, 0.0);
+  return options;
+}
+
+}  // namespace lightstage

@@ -1,0 +1,12 @@
+// A procedural environment map for demonstrations and tests: a photographer's studio.
+#pragma once
+
+#include "optics/image.h"
+
+namespace lightstage::relight {
+
+// RGB radiance in the layout of optics/environment_map.h, width × width/2: a dim room, a large cool window with bars to the front left
+// (azimuth 20° to 75°), a small warm lamp to the right (−65°, about 300 times brighter than the room), and a blue strip behind.
+Image StudioMap(int width);
+
+}  // namespace lightstage::relight

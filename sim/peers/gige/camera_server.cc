@@ -1,0 +1,120 @@
+#include "sim/peers/gige/camera_server.h"
+
+#include <arv.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+
+#include "absl/strings/str_format.h"
+#include "base/env.h"
+#include "drivers/aravis/capabilities.h"
+#include "sim/peers/gige/genicam.h"
+
+namespace lightstage::sim {
+namespace {
+
+// How often the fake camera looks for a trigger: the start of an exposure may be late by one period, and it polls busily for the
+// last millisecond of each.
+constexpr double kTriggerHz = 200;
+
+// GigE Vision's bootstrap register: ms without a sign of life after which the camera drops its client. The fake camera is deaf
+// while it exposes.
+constexpr guint32 kHeartbeatTimeoutRegister = 0x0938;
+constexpr guint32 kHeartbeatTimeoutMs = 30000;
+
+// libaravis reads the description from a file.
+absl::StatusOr<std::string> WriteDescription(const GigeCameraOptions& options) {
+  ArvFakeCamera* plain = arv_fake_camera_new(options.serial.c_str());
+  size_t size = 0;
+  const char* text = arv_fake_camera_get_genicam_xml(plain, &size);
+  absl::StatusOr<std::string> xml = AdaptGenicam(std::string(text, size), options);
+  g_object_unref(plain);
+  RETURN_IF_ERROR(xml.status());
+  std::string path = std::filesystem::temp_directory_path() / "lightstage-gige-XXXXXX";
+  int fd = mkstemp(path.data());
+  if (fd < 0) return ErrnoError(errno, "creating", path);
+  close(fd);
+  RETURN_IF_ERROR(PosixEnv().WriteFile(path, *xml));
+  return path;
+}
+
+}  // namespace
+
+GigeCameraServer::GigeCameraServer(const GigeCameraOptions& options, std::shared_ptr<World> world)
+    : options_(options), world_(std::move(world)) {}
+
+absl::StatusOr<std::unique_ptr<GigeCameraServer>> GigeCameraServer::Start(
+    const GigeCameraOptions& options, std::shared_ptr<World> world) {
+  ASSIGN_OR_RETURN(std::string description, WriteDescription(options));
+  std::unique_ptr<GigeCameraServer> server(new GigeCameraServer(options, std::move(world)));
+  server->camera_ = arv_gv_fake_camera_new_full(options.interface.c_str(), options.serial.c_str(),
+                                                description.c_str());
+  std::filesystem::remove(description);
+  if (!arv_gv_fake_camera_is_running(server->camera_)) {
+    return Error(
+        absl::StatusCode::kUnavailable, "PEER_NOT_STARTED",
+        absl::StrFormat("can not serve a GigE Vision camera on '%s': no such interface, or "
+                        "its UDP port 3956 is in use",
+                        options.interface),
+        {{"interface", options.interface}, {"port", "3956"}});
+  }
+  ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(server->camera_);
+  const struct {
+    guint32 address, value;
+  } registers[] = {{ARV_FAKE_CAMERA_REGISTER_SENSOR_WIDTH, static_cast<guint32>(options.width)},
+                   {ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, static_cast<guint32>(options.height)},
+                   {ARV_FAKE_CAMERA_REGISTER_WIDTH, static_cast<guint32>(options.width)},
+                   {ARV_FAKE_CAMERA_REGISTER_HEIGHT, static_cast<guint32>(options.height)},
+                   {kHeartbeatTimeoutRegister, kHeartbeatTimeoutMs}};
+  for (const auto& r : registers) arv_fake_camera_write_register(fake, r.address, r.value);
+  arv_fake_camera_set_trigger_frequency(fake, kTriggerHz);
+  auto fill =
+      +[](ArvBuffer* buffer, void* self, guint32 exposure_us, guint32 gain, ArvPixelFormat code) {
+        static_cast<GigeCameraServer*>(self)->Expose(buffer, std::chrono::microseconds(exposure_us),
+                                                     gain, code);
+      };
+  arv_fake_camera_set_fill_pattern(fake, fill, server.get());
+  return server;
+}
+
+GigeCameraServer::~GigeCameraServer() {
+  stopping_ = true;
+  world_->clock().Notify();
+  if (camera_) g_object_unref(camera_);  // joins its thread
+}
+
+void GigeCameraServer::Expose(ArvBuffer* buffer, Duration exposure, double gain_db, uint32_t code) {
+  Clock& clock = world_->clock();
+  TimePoint start = clock.Now();
+  clock.WaitUntil(start + exposure, [this] { return stopping_.load(); });
+  if (stopping_) return;
+
+  int x = 0, y = 0, width = 0, height = 0;
+  arv_buffer_get_image_region(buffer, &x, &y, &width, &height);
+  ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
+  guint32 left = 0, top = 0;
+  arv_fake_camera_read_register(fake, ARV_FAKE_CAMERA_REGISTER_X_OFFSET, &left);
+  arv_fake_camera_read_register(fake, ARV_FAKE_CAMERA_REGISTER_Y_OFFSET, &top);
+
+  AravisCapabilities::Format format = UsableFormats({code}).at(0);
+  absl::StatusOr<Frame> frame =
+      world_->Expose(start, start + exposure, format.format, {options_.width, options_.height},
+                     format.significant_bits, gain_db);
+  if (!frame.ok()) {
+    // A wrong picture would be worse, and nothing that a client can do leads here.
+    spdlog::critical("simulated GigE camera: {}", frame.status().ToString());
+    std::abort();
+  }
+  size_t pixel = SamplesPerPixel(format.format) * BytesPerSample(format.format);
+  size_t size = 0;
+  auto* data = static_cast<std::byte*>(const_cast<void*>(arv_buffer_get_data(buffer, &size)));
+  for (int row = 0; row < height; ++row) {
+    size_t from = (static_cast<size_t>(top + row) * options_.width + left) * pixel;
+    std::memcpy(data + row * width * pixel, frame->data.data() + from, width * pixel);
+  }
+}
+
+}  // namespace lightstage::sim

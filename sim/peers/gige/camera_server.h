@@ -1,0 +1,49 @@
+// A GigE Vision camera on a network interface whose picture is the simulated rig's: Aravis' embeddable fake camera speaks GVCP and
+// GVSP, a sim::World makes the frames. What a real camera's driver can be shown without a camera.
+//
+// An exposure begins when the camera gets its trigger (up to 5 ms after the command was acknowledged), lasts its time on the
+// world's clock, and integrates the light and motion of just that time.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "sim/rig/world.h"
+
+typedef struct _ArvBuffer ArvBuffer;
+typedef struct _ArvGvFakeCamera ArvGvFakeCamera;
+
+namespace lightstage::sim {
+
+struct GigeCameraOptions {
+  std::string interface =
+      "127.0.0.1";  // name or address of the network interface; the protocol's port is always 3956
+  std::string serial = "SIM01";
+  int width = 0, height = 0;  // of the sensor, even
+  int bits = 12;              // of a sample in the deep formats: 10, 12 or 16
+};
+
+class GigeCameraServer {
+ public:
+  // The camera does not answer while it exposes, and a client gives up control after 5 s without an answer.
+  static constexpr Duration kMaxExposure = std::chrono::seconds(2);
+
+  // The world must be on real time. UNAVAILABLE / PEER_NOT_STARTED if the port is taken or there is no such interface.
+  static absl::StatusOr<std::unique_ptr<GigeCameraServer>> Start(const GigeCameraOptions& options,
+                                                                 std::shared_ptr<World> world);
+  // Waits for the picture being made.
+  ~GigeCameraServer();
+
+ private:
+  GigeCameraServer(const GigeCameraOptions& options, std::shared_ptr<World> world);
+  void Expose(ArvBuffer* buffer, Duration exposure, double gain_db, uint32_t code);
+
+  const GigeCameraOptions options_;
+  const std::shared_ptr<World> world_;  // shared with the rig's simulated devices
+  std::atomic<bool> stopping_{false};
+  ArvGvFakeCamera* camera_ = nullptr;
+};
+
+}  // namespace lightstage::sim

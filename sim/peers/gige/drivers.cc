@@ -1,0 +1,80 @@
+#include "sim/peers/gige/drivers.h"
+
+#include <utility>
+
+#include "drivers/aravis/driver.h"
+#include "sim/peers/gige/camera_server.h"
+
+namespace lightstage::sim {
+namespace {
+
+// The aravis driver's camera together with the server at the other end of its wire.
+class ServedCamera final : public Camera {
+ public:
+  ServedCamera(std::unique_ptr<GigeCameraServer> server, std::unique_ptr<Camera> camera)
+      : server_(std::move(server)), camera_(std::move(camera)), info_(camera_->info()) {
+    info_.identity.driver = "sim-gige";
+  }
+  const CameraInfo& info() const override { return info_; }
+  ConfigResult Validate(const CameraConfig& config) const override {
+    return camera_->Validate(config);
+  }
+  ExposureResult ValidateExposure(Duration exposure) const override {
+    return camera_->ValidateExposure(exposure);
+  }
+  void Configure(const CameraConfig& config, TimePoint deadline,
+                 Completion<CameraConfig> done) override {
+    camera_->Configure(config, deadline, std::move(done));
+  }
+  void Arm(TimePoint deadline, Completion<CameraConfig> done) override {
+    camera_->Arm(deadline, std::move(done));
+  }
+  void Trigger(Duration exposure, TimePoint deadline, Completion<ExposureEnd> exposure_ended,
+               Completion<Frame> frame_ready) override {
+    camera_->Trigger(exposure, deadline, std::move(exposure_ended), std::move(frame_ready));
+  }
+  void Disarm(TimePoint deadline, Completion<CameraConfig> done) override {
+    camera_->Disarm(deadline, std::move(done));
+  }
+
+ private:
+  const std::unique_ptr<GigeCameraServer> server_;  // outlives the camera
+  const std::unique_ptr<Camera> camera_;
+  CameraInfo info_;
+};
+
+GigeCameraOptions ParsePeer(const TomlTable& table) {
+  GigeCameraOptions options;
+  options.interface = table.String("address");
+  options.serial = table.String("serial", options.serial);
+  TomlTable peer = table.Table("peer");
+  options.width = static_cast<int>(peer.Int("sensor_width", 2, 16384, 640));
+  options.height = static_cast<int>(peer.Int("sensor_height", 2, 16384, 480));
+  if (options.width % 2 != 0) peer.ErrorAt("sensor_width", "must be even");
+  if (options.height % 2 != 0) peer.ErrorAt("sensor_height", "must be even");
+  options.bits = static_cast<int>(peer.Int("bits", 10, 16, options.bits));
+  if (options.bits != 10 && options.bits != 12 && options.bits != 16) {
+    peer.ErrorAt("bits", "must be 10, 12 or 16");
+  }
+  return options;
+}
+
+}  // namespace
+
+void RegisterGigePeer(DriverRegistry& registry, std::shared_ptr<Simulation> simulation) {
+  registry.cameras["sim-gige"].parse =
+      [simulation](const TomlTable& table) -> DeviceOpener<Camera> {
+    GigeCameraOptions options = ParsePeer(table);
+    return [simulation, options, connect = AravisDriver().parse(table)](
+               const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Camera>> {
+      ASSIGN_OR_RETURN(std::shared_ptr<World> world,
+                       simulation->OpenWorld(*context.geometry, *context.clock));
+      ASSIGN_OR_RETURN(std::unique_ptr<GigeCameraServer> server,
+                       GigeCameraServer::Start(options, std::move(world)));
+      ASSIGN_OR_RETURN(std::unique_ptr<Camera> camera, connect(context));
+      return std::make_unique<ServedCamera>(std::move(server), std::move(camera));
+    };
+  };
+}
+
+}  // namespace lightstage::sim

@@ -1,0 +1,241 @@
+// The simulated rig's picture through a real GigE Vision stream: served by Aravis' fake camera, taken by the aravis driver.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <numeric>
+
+#include "drivers/aravis/driver.h"
+#include "drivers/conformance/fixtures.h"
+#include "drivers/conformance/private_network.h"
+#include "sim/peers/gige/camera_server.h"
+#include "sim/peers/gige/drivers.h"
+
+namespace lightstage::sim {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+[[maybe_unused]] const bool kPrivateNetwork = EnterPrivateNetwork();
+
+constexpr int kWidth = 64, kHeight = 48;
+
+RigGeometry Geometry() {
+  RigGeometry geometry;
+  geometry.brace.radius = Meters(1);
+  geometry.brace.lamp_radius = Meters(0.02);
+  geometry.brace.lamps = {{Degrees(0), Degrees(30)}, {Degrees(90), Degrees(60)}};
+  geometry.camera.position = Vec3(0.8, 0, 0.5);
+  geometry.camera.look_at = Vec3(0, 0, 0.05);
+  geometry.camera.field_of_view = Degrees(25);
+  return geometry;
+}
+
+// One process may hold one such camera: what the rig file would say, opened.
+class Rig {
+ public:
+  absl::Status Open(const std::string& simulation_keys) {
+    simulation_ = RegisterSimulatedDrivers(registry_);
+    RegisterGigePeer(registry_, simulation_);
+    ASSIGN_OR_RETURN(TomlDocument document,
+                     TomlDocument::Parse("[simulation]\nsamples = 1\n" + simulation_keys +
+                                             "[camera]\naddress = \"127.0.0.1\"\n"
+                                             "packet_size = 7000\nframe_retention_ms = 100\n"
+                                             "[camera.peer]\nsensor_width = 64\n"
+                                             "sensor_height = 48\nbits = 12\n",
+                                         "rig.toml"));
+    registry_.tables.at("simulation")(document.root().Table("simulation"));
+    DeviceOpener<Camera> open =
+        registry_.cameras.at("sim-gige").parse(document.root().Table("camera"));
+    RETURN_IF_ERROR(document.Finish());
+    ASSIGN_OR_RETURN(world_, simulation_->OpenWorld(geometry_, clock_));
+    ASSIGN_OR_RETURN(camera_, open({"camera", &clock_, &geometry_}));
+    return absl::OkStatus();
+  }
+
+  void Light(float first, float second, TimePoint at) {
+    world_->RampLamps(at, at, {first, second});
+  }
+
+  absl::Status Ready(const CameraConfig& config) {
+    Pending<CameraConfig> configured(clock_), armed(clock_);
+    camera_->Configure(config, Soon(), configured.sink());
+    RETURN_IF_ERROR(configured.Wait(Soon(), "Configure").status());
+    camera_->Arm(Soon(), armed.sink());
+    return armed.Wait(Soon(), "Arm").status();
+  }
+
+  // Retaken if packets were lost: the machine may be busy, and this peer sends none twice.
+  absl::StatusOr<Frame> Take(Duration exposure) {
+    absl::StatusOr<Frame> frame = absl::UnknownError("not taken");
+    for (int i = 0; i < 5; ++i) {
+      Pending<ExposureEnd> ended(clock_);
+      Pending<Frame> pending(clock_);
+      camera_->Trigger(exposure, Soon(), ended.sink(), pending.sink());
+      frame = pending.Wait(Soon(), "the frame");
+      if (!absl::IsDataLoss(frame.status())) break;
+    }
+    return frame;
+  }
+
+  TimePoint Soon() { return clock_.Now() + seconds(60); }
+  Clock& clock() { return clock_; }
+  World& world() { return *world_; }
+  Camera& camera() { return *camera_; }
+  std::unique_ptr<Camera> TakeCamera() { return std::move(camera_); }
+
+ private:
+  RealClock clock_;
+  RigGeometry geometry_ = Geometry();
+  DriverRegistry registry_;
+  std::shared_ptr<Simulation> simulation_;
+  std::shared_ptr<World> world_;
+  std::unique_ptr<Camera> camera_;
+};
+
+constexpr char kNoNoise[] = "photon_noise = false\nread_noise_e = 0\n";
+
+// ---- Conformance, with exposures that really last
+
+class GigeFixture : public CameraFixture {
+ public:
+  Clock& clock() override { return rig_.clock(); }
+  absl::StatusOr<std::unique_ptr<Camera>> Open() override {
+    RETURN_IF_ERROR(rig_.Open(kNoNoise));
+    return rig_.TakeCamera();
+  }
+  int retakes() const override { return 5; }
+
+ private:
+  Rig rig_;
+};
+
+[[maybe_unused]] const bool kConformance =
+    RegisterCameraConformance("SimGige", [] { return std::make_unique<GigeFixture>(); });
+
+// ---- The picture
+
+TEST(SimGige, TellsItsSensor) {
+  Rig rig;
+  ASSERT_TRUE(rig.Open(kNoNoise).ok());
+  const CameraInfo& info = rig.camera().info();
+  EXPECT_EQ(info.identity.driver, "sim-gige");
+  EXPECT_EQ(info.identity.serial, "SIM01");
+  EXPECT_EQ(info.sensor_width, kWidth);
+  EXPECT_EQ(info.sensor_height, kHeight);
+  EXPECT_EQ(info.max_exposure, GigeCameraServer::kMaxExposure);
+  EXPECT_EQ(info.exposure_step, std::chrono::microseconds(1));
+  EXPECT_EQ(info.formats.size(), 12u) << "all that there are";
+}
+
+// Under steady light every format carries the very codes that the simulated sensor read.
+TEST(SimGige, FramesEqualTheSimulatedSensors) {
+  Rig rig;
+  ASSERT_TRUE(rig.Open(kNoNoise).ok());
+  rig.Light(1.0f, 0.5f, rig.clock().Now());
+  SleepFor(rig.clock(), milliseconds(50));
+  constexpr Duration kExposure = milliseconds(20);
+  for (PixelFormat format : rig.camera().info().formats) {
+    ASSERT_TRUE(rig.Ready({format, kWidth, kHeight, 0}).ok()) << PixelFormatName(format);
+    absl::StatusOr<Frame> served = rig.Take(kExposure);
+    ASSERT_TRUE(served.ok()) << PixelFormatName(format) << ": " << served.status();
+    absl::StatusOr<Frame> direct =
+        rig.world().ExposeNow(kExposure, format, {kWidth, kHeight}, /*bits=*/12);
+    ASSERT_TRUE(direct.ok()) << direct.status();
+    EXPECT_EQ(served->significant_bits, direct->significant_bits);
+    EXPECT_EQ(served->exposure, kExposure);
+    EXPECT_TRUE(served->data == direct->data) << PixelFormatName(format);
+    size_t lit = std::count_if(served->data.begin(), served->data.end(),
+                               [](std::byte b) { return b != std::byte{0}; });
+    EXPECT_GT(lit, served->data.size() / 20) << "the test's scene is dark";
+    Pending<CameraConfig> disarmed(rig.clock());
+    rig.camera().Disarm(rig.Soon(), disarmed.sink());
+    ASSERT_TRUE(disarmed.Wait(rig.Soon(), "Disarm").ok());
+  }
+}
+
+TEST(SimGige, RegionIsTheMiddleOfTheSensor) {
+  Rig rig;
+  ASSERT_TRUE(rig.Open(kNoNoise).ok());
+  rig.Light(1.0f, 0.5f, rig.clock().Now());
+  SleepFor(rig.clock(), milliseconds(50));
+  ASSERT_TRUE(rig.Ready({PixelFormat::kBayerRG16, 32, 20, 0}).ok());
+  absl::StatusOr<Frame> served = rig.Take(milliseconds(20));
+  ASSERT_TRUE(served.ok()) << served.status();
+  absl::StatusOr<Frame> whole = rig.world().ExposeNow(milliseconds(20), PixelFormat::kBayerRG16,
+                                                      {kWidth, kHeight}, /*bits=*/12);
+  ASSERT_TRUE(whole.ok()) << whole.status();
+  for (int y = 0; y < 20; ++y) {
+    ASSERT_EQ(std::memcmp(served->data.data() + y * 32 * 2,
+                          whole->data.data() + ((y + 14) * kWidth + 16) * 2, 32 * 2),
+              0)
+        << "row " << y;
+  }
+}
+
+double Sum(const Frame& frame) {
+  double sum = 0;
+  for (size_t i = 0; i < frame.data.size(); i += 2) {
+    sum += static_cast<int>(frame.data[i]) + 256 * static_cast<int>(frame.data[i + 1]);
+  }
+  return sum;
+}
+
+// The exposure integrates the light of its own time: one that goes out half-way gives about half the picture, and exposure_ended is
+// not called while the sensor still gathers light.
+TEST(SimGige, ExposureSeesLightGoOut) {
+  Rig rig;
+  // Far from saturation, so that codes are proportional to light.
+  ASSERT_TRUE(rig.Open(std::string(kNoNoise) + "sensitivity_e = 1e4\n").ok());
+  ASSERT_TRUE(rig.Ready({PixelFormat::kMono16, kWidth, kHeight, 0}).ok());
+  constexpr Duration kExposure = milliseconds(800);
+  rig.Light(1.0f, 1.0f, rig.clock().Now());
+  SleepFor(rig.clock(), milliseconds(50));
+  absl::StatusOr<Frame> full = rig.Take(kExposure);
+  ASSERT_TRUE(full.ok()) << full.status();
+  ASSERT_GT(Sum(*full), 1000);
+
+  Pending<ExposureEnd> ended(rig.clock());
+  Pending<Frame> pending(rig.clock());
+  TimePoint triggered = rig.clock().Now();
+  rig.camera().Trigger(kExposure, rig.Soon(), ended.sink(), pending.sink());
+  SleepFor(rig.clock(), kExposure / 2);
+  rig.Light(0, 0, rig.clock().Now());
+  absl::StatusOr<ExposureEnd> end = ended.Wait(rig.Soon(), "the exposure's end");
+  absl::StatusOr<Frame> half = pending.Wait(rig.Soon(), "the frame");
+  if (absl::IsDataLoss(half.status())) GTEST_SKIP() << "the machine is too busy for UDP";
+  ASSERT_TRUE(half.ok()) << half.status();
+  ASSERT_TRUE(end.ok()) << end.status();
+  EXPECT_GE(end->time, triggered + kExposure);
+  double share = Sum(*half) / Sum(*full);
+  EXPECT_GT(share, 0.1);
+  EXPECT_LT(share, 0.9);
+
+  absl::StatusOr<Frame> dark = rig.Take(milliseconds(10));
+  ASSERT_TRUE(dark.ok()) << dark.status();
+  EXPECT_EQ(Sum(*dark), 0);
+}
+
+TEST(SimGige, SecondCameraOnTheInterfaceIsRefused) {
+  Rig rig, second;
+  ASSERT_TRUE(rig.Open(kNoNoise).ok());
+  absl::Status refused = second.Open(kNoNoise);
+  EXPECT_EQ(refused.code(), absl::StatusCode::kUnavailable) << refused;
+  EXPECT_EQ(ErrorReason(refused), "PEER_NOT_STARTED");
+  EXPECT_NE(refused.message().find("127.0.0.1"), std::string_view::npos);
+}
+
+TEST(SimGige, BadTablesAreRefused) {
+  for (const char* bad : {"sensor_width = 63", "bits = 11", "sensor_height = 0", "hight = 48"}) {
+    DriverRegistry registry;
+    RegisterGigePeer(registry, RegisterSimulatedDrivers(registry));
+    absl::StatusOr<TomlDocument> document = TomlDocument::Parse(
+        std::string("[camera]\naddress = \"127.0.0.1\"\n[camera.peer]\n") + bad + "\n", "rig.toml");
+    ASSERT_TRUE(document.ok());
+    registry.cameras.at("sim-gige").parse(document->root().Table("camera"));
+    EXPECT_FALSE(document->Finish().ok()) << bad;
+  }
+}
+
+}  // namespace
+}  // namespace lightstage::sim

@@ -1,0 +1,11 @@
+// Compiled with -mavx2 -mfma (CMakeLists.txt).
+#include "sim/render/kernels.inc"
+
+namespace lightstage::sim {
+
+const Kernels& Avx2Kernels() {
+  static constexpr Kernels kKernels{"avx2", &Disc, &Pinhole};
+  return kKernels;
+}
+
+}  // namespace lightstage::sim

@@ -1,0 +1,10 @@
+#include "sim/render/kernels.inc"
+
+namespace lightstage::sim {
+
+const Kernels& BaselineKernels() {
+  static constexpr Kernels kKernels{"baseline", &Disc, &Pinhole};
+  return kKernels;
+}
+
+}  // namespace lightstage::sim

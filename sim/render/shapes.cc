@@ -1,0 +1,143 @@
+#include "sim/render/shapes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace lightstage::sim {
+namespace {
+
+constexpr float kPi = std::numbers::pi_v<float>;
+
+void AverageNormals(Mesh* mesh) {
+  mesh->normals.assign(mesh->vertices.size(), Vec3f::Zero());
+  for (const auto& t : mesh->triangles) {
+    const Vec3f& a = mesh->vertices[t[0]];
+    // Twice the area times the unit normal: larger triangles count more.
+    Vec3f weighted = (mesh->vertices[t[1]] - a).cross(mesh->vertices[t[2]] - a);
+    for (uint32_t v : t) mesh->normals[v] += weighted;
+  }
+  for (Vec3f& n : mesh->normals) n.normalize();
+}
+
+// One flat quad, counterclockwise from outside.
+void AddQuad(Mesh* mesh, const Vec3f& a, const Vec3f& b, const Vec3f& c, const Vec3f& d) {
+  auto first = static_cast<uint32_t>(mesh->vertices.size());
+  Vec3f normal = (c - a).cross(d - b).normalized();
+  for (const Vec3f& v : {a, b, c, d}) {
+    mesh->vertices.push_back(v);
+    mesh->normals.push_back(normal);
+  }
+  mesh->triangles.push_back({first, first + 1, first + 2});
+  mesh->triangles.push_back({first, first + 2, first + 3});
+}
+
+}  // namespace
+
+Mesh Surface(int columns, int rows, bool wrap_s, bool wrap_t,
+             const std::function<Vec3f(float, float)>& point) {
+  const int across = wrap_s ? columns : columns + 1, up = wrap_t ? rows : rows + 1;
+  Mesh mesh;
+  for (int j = 0; j < up; ++j) {
+    for (int i = 0; i < across; ++i) {
+      mesh.vertices.push_back(point(static_cast<float>(i) / columns, static_cast<float>(j) / rows));
+    }
+  }
+  auto index = [&](int i, int j) { return static_cast<uint32_t>((j % up) * across + i % across); };
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      uint32_t a = index(i, j), b = index(i + 1, j), c = index(i + 1, j + 1), d = index(i, j + 1);
+      mesh.triangles.push_back({a, b, c});
+      mesh.triangles.push_back({a, c, d});
+    }
+  }
+  AverageNormals(&mesh);
+  return mesh;
+}
+
+Mesh Sphere(const Vec3f& center, float radius, int segments) {
+  Mesh mesh = Surface(segments, segments / 2, true, false, [&](float s, float t) {
+    float azimuth = 2 * kPi * s, height = kPi * (t - 0.5f);
+    return Vec3f(center + radius * Vec3f(std::cos(height) * std::cos(azimuth),
+                                         std::cos(height) * std::sin(azimuth), std::sin(height)));
+  });
+  // The exact normals, also at the poles where triangles have no area.
+  for (size_t i = 0; i < mesh.vertices.size(); ++i) {
+    mesh.normals[i] = (mesh.vertices[i] - center).normalized();
+  }
+  return mesh;
+}
+
+Mesh Box(const Vec3f& center, const Vec3f& half, float yaw) {
+  Mesh mesh;
+  auto corner = [&](float x, float y, float z) {
+    Vec3f p(x * half.x(), y * half.y(), z * half.z());
+    return Vec3f(center + Vec3f(std::cos(yaw) * p.x() - std::sin(yaw) * p.y(),
+                                std::sin(yaw) * p.x() + std::cos(yaw) * p.y(), p.z()));
+  };
+  AddQuad(&mesh, corner(-1, -1, 1), corner(1, -1, 1), corner(1, 1, 1), corner(-1, 1, 1));
+  AddQuad(&mesh, corner(-1, 1, -1), corner(1, 1, -1), corner(1, -1, -1), corner(-1, -1, -1));
+  AddQuad(&mesh, corner(-1, -1, -1), corner(1, -1, -1), corner(1, -1, 1), corner(-1, -1, 1));
+  AddQuad(&mesh, corner(1, 1, -1), corner(-1, 1, -1), corner(-1, 1, 1), corner(1, 1, 1));
+  AddQuad(&mesh, corner(1, -1, -1), corner(1, 1, -1), corner(1, 1, 1), corner(1, -1, 1));
+  AddQuad(&mesh, corner(-1, 1, -1), corner(-1, -1, -1), corner(-1, -1, 1), corner(-1, 1, 1));
+  return mesh;
+}
+
+Mesh Lathe(const Vec3f& base, const std::vector<Eigen::Vector2f>& profile, int segments) {
+  std::vector<Eigen::Vector2f> closed = profile;
+  if (closed.front().x() > 0) closed.insert(closed.begin(), {0.0f, closed.front().y()});
+  if (closed.back().x() > 0) closed.push_back({0.0f, closed.back().y()});
+  Mesh mesh;
+  for (size_t k = 0; k + 1 < closed.size(); ++k) {
+    const Eigen::Vector2f along = (closed[k + 1] - closed[k]).normalized();
+    // Each ring has its own vertices: smooth around, creased between rings.
+    auto first = static_cast<uint32_t>(mesh.vertices.size());
+    for (int i = 0; i < segments; ++i) {
+      float azimuth = 2 * kPi * static_cast<float>(i) / static_cast<float>(segments);
+      float c = std::cos(azimuth), s = std::sin(azimuth);
+      for (size_t e = k; e <= k + 1; ++e) {
+        mesh.vertices.push_back(base + Vec3f(closed[e].x() * c, closed[e].x() * s, closed[e].y()));
+        mesh.normals.push_back(Vec3f(along.y() * c, along.y() * s, -along.x()));
+      }
+    }
+    for (int i = 0; i < segments; ++i) {
+      uint32_t a = first + 2 * i, b = first + 2 * ((i + 1) % segments);
+      mesh.triangles.push_back({a, b, b + 1});
+      mesh.triangles.push_back({a, b + 1, a + 1});
+    }
+  }
+  return mesh;
+}
+
+Mesh Tube(const std::function<Vec3f(float)>& curve, float radius, int segments, int sides) {
+  // A frame carried along the curve without twisting, its remaining turn spread over the length so that the ends meet.
+  std::vector<Vec3f> centers(segments + 1), tangents(segments + 1), normals(segments + 1);
+  for (int i = 0; i <= segments; ++i) {
+    float s = static_cast<float>(i % segments) / static_cast<float>(segments);
+    const float h = 0.25f / static_cast<float>(segments);
+    centers[i] = curve(s);
+    tangents[i] = (curve(s + h) - curve(s - h)).normalized();
+  }
+  normals[0] = tangents[0].unitOrthogonal();
+  for (int i = 1; i <= segments; ++i) {
+    normals[i] = (normals[i - 1] - tangents[i].dot(normals[i - 1]) * tangents[i]).normalized();
+  }
+  Vec3f across = tangents[0].cross(normals[0]);
+  float turn = std::atan2(normals[segments].dot(across), normals[segments].dot(normals[0]));
+  return Surface(sides, segments, true, true, [&](float s, float t) {
+    int i = static_cast<int>(std::lround(t * static_cast<float>(segments)));
+    float angle = 2 * kPi * s - turn * t;
+    Vec3f side = tangents[i].cross(normals[i]);
+    return Vec3f(centers[i] + radius * (std::cos(angle) * normals[i] + std::sin(angle) * side));
+  });
+}
+
+Mesh Floor(float half_width, float z) {
+  Mesh mesh;
+  const float w = half_width;
+  AddQuad(&mesh, {-w, -w, z}, {w, -w, z}, {w, w, z}, {-w, w, z});
+  return mesh;
+}
+
+}  // namespace lightstage::sim

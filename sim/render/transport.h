@@ -1,0 +1,113 @@
+// How light gets from each lamp, or each pixel of the projector, to each pixel of the camera. Transport, not pictures, is kept:
+// what a pose costs to trace is traced once, and any lamp level or pattern is then a product. Light adds, so all pictures made
+// of one transport are exactly consistent with each other.
+//
+// Direct light only: what scatters between surfaces is dark. Thread-safe. The same seed gives the same bytes, however many
+// threads trace and in whatever order things are asked for.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <list>
+#include <map>
+#include <memory>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "base/mutex.h"
+#include "optics/image.h"
+#include "optics/rig_geometry.h"
+#include "sim/render/film.h"
+#include "sim/render/scene.h"
+
+namespace lightstage::sim {
+
+struct TransportOptions {
+  uint64_t seed = 1;
+  int samples = 8;                         // per camera pixel, [1, 256]
+  size_t cache_bytes = size_t{512} << 20;  // for transport; films (60 bytes per sample) come on top
+  double lamp_intensity_w_sr = 10;         // each lamp at level 1, along its axis; Lambertian
+  double projector_intensity_w_sr = 10;    // along its axis, at pattern value 1
+};
+
+struct FilmSize {
+  int width = 0, height = 0;
+  auto operator<=>(const FilmSize&) const = default;
+};
+
+// The camera's samples that the projector reaches at one pose: which projector pixel lights each, and what it adds.
+class ProjectorTransport {
+ public:
+  // sum += scale · radiance of `raster`, the pattern on the projector's native pixels (optics/pattern.h Rasterize). `sum`: the
+  // film's size, 3 channels.
+  void Add(const Image& raster, float scale, Image* sum) const;
+  size_t bytes() const;
+
+ private:
+  friend class Transport;
+  int width_ = 0;
+  std::vector<uint32_t> first_;   // per camera pixel, and the end: its samples
+  std::vector<uint32_t> source_;  // per sample: the projector's pixel
+  std::vector<float>
+      rgb_;  // per sample: its share of the pixel's radiance, W/(m²·sr), projector white
+};
+
+// Whether to keep what was traced for the next time.
+enum class Keep { kYes, kNo };
+
+class Transport {
+ public:
+  Transport(Scene scene, const RigGeometry& geometry, const TransportOptions& options);
+
+  const RigGeometry& geometry() const { return geometry_; }
+
+  // Radiance, W/(m²·sr), 3 channels, under one lamp at level 1 with the turntable at `azimuth`.
+  std::shared_ptr<const Image> Lamp(FilmSize size, Angle azimuth, int lamp, Keep keep);
+  // The rig must have a projector.
+  std::shared_ptr<const ProjectorTransport> Projector(FilmSize size, const Pose& pose, Keep keep);
+
+  // Bytes of kept transport, at most cache_bytes (one entry larger than that is not kept).
+  size_t cached_bytes() const;
+  // Transports traced so far; a kept one that was used again does not count.
+  uint64_t traced() const;
+
+ private:
+  // Lamp ≥ 0, or −1 for the projector. Azimuths are wrapped, so that a turn later is the same pose.
+  struct Key {
+    FilmSize size;
+    int lamp;
+    double azimuth_deg, tilt_deg;
+    auto operator<=>(const Key&) const = default;
+  };
+  // shared: a frame being made may outlive an entry's place in the cache.
+  using Value =
+      std::variant<std::shared_ptr<const Image>, std::shared_ptr<const ProjectorTransport>>;
+  struct Entry {
+    Key key;
+    Value value;
+    size_t bytes;
+  };
+
+  std::shared_ptr<const Film> GetFilm(FilmSize size);
+  Image TraceLamp(const Film& film, Angle azimuth, int lamp) const;
+  ProjectorTransport TraceProjector(const Film& film, const Pose& pose) const;
+  bool Find(const Key& key, Value* value);
+  void Store(const Key& key, Value value, size_t bytes, Keep keep);
+
+  const Scene scene_;
+  const RigGeometry geometry_;
+  const TransportOptions options_;
+
+  Mutex film_mutex_;  // held while a film is traced, so that nobody traces it twice
+  std::map<FilmSize, std::shared_ptr<const Film>> films_ ABSL_GUARDED_BY(film_mutex_);
+
+  mutable Mutex mutex_;
+  std::list<Entry> entries_ ABSL_GUARDED_BY(mutex_);  // most recently used first
+  std::map<Key, std::list<Entry>::iterator> index_ ABSL_GUARDED_BY(mutex_);
+  size_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  uint64_t traced_ ABSL_GUARDED_BY(mutex_) = 0;
+};
+
+}  // namespace lightstage::sim

@@ -1,0 +1,26 @@
+// The drivers named "sim" for all four kinds of device, and the rig file's table [simulation].
+#pragma once
+
+#include <memory>
+
+#include "absl/status/statusor.h"
+#include "drivers/api/registry.h"
+#include "sim/rig/world.h"
+
+namespace lightstage::sim {
+
+// The simulation behind one registry: what [simulation] said, and the world while a device or somebody else holds it.
+class Simulation {
+ public:
+  virtual ~Simulation() = default;
+
+  // The world that this rig's simulated devices share; the first call after the last holder went makes a new one. Any thread.
+  virtual absl::StatusOr<std::shared_ptr<World>> OpenWorld(const RigGeometry& geometry,
+                                                           Clock& clock) = 0;
+};
+
+// Adds the drivers. Whoever serves the simulated picture by other means (sim/peers) gets the world from the result; others may
+// ignore it.
+std::shared_ptr<Simulation> RegisterSimulatedDrivers(DriverRegistry& registry);
+
+}  // namespace lightstage::sim

@@ -1,0 +1,60 @@
+#include "sim/rig/sim_projector.h"
+
+#include "absl/strings/str_cat.h"
+
+namespace lightstage::sim {
+namespace {
+
+ProjectorInfo InfoOf(const std::string& name, Duration settle, const World& world) {
+  ProjectorInfo info;
+  info.identity = {.name = name, .driver = "sim", .model = "lightstaged simulated projector"};
+  info.width = world.geometry().projector.width;
+  info.height = world.geometry().projector.height;
+  info.settle = settle;
+  return info;
+}
+
+}  // namespace
+
+SimProjector::SimProjector(const std::string& name, Duration settle, std::shared_ptr<World> world)
+    : info_(InfoOf(name, settle, *world)),
+      world_(std::move(world)),
+      timers_(world_->clock()),
+      operations_(timers_) {}
+
+SimProjector::~SimProjector() {
+  timers_.Close();
+  const TimePoint now = timers_.clock().Now();
+  world_->RampPattern(now, now, Pattern{});
+  operations_.Close(info_.identity.name);
+}
+
+void SimProjector::Show(const Pattern& pattern, TimePoint deadline,
+                        Completion<ProjectorState> done) {
+  if (absl::Status good = Validate(pattern); !good.ok()) return std::move(done)(good);
+  operations_.Start(
+      "PROJECTOR_BUSY", absl::StrCat(info_.identity.name, ": show ", PatternName(pattern)),
+      deadline, std::move(done),
+      [&]() -> absl::StatusOr<TimePoint> {
+        const TimePoint now = timers_.clock().Now(), settled = now + info_.settle;
+        world_->RampPattern(now, settled, pattern);
+        return world_->FaultDue(Operation::kShow) ? kNever : settled;
+      },
+      [pattern]() -> absl::StatusOr<ProjectorState> { return ProjectorState{pattern}; });
+}
+
+void SimProjector::Black(TimePoint deadline, Completion<ProjectorState> done) {
+  operations_.Interrupt(
+      Error(absl::StatusCode::kCancelled, "DARKENED",
+            absl::StrCat(info_.identity.name, " was told to show black"),
+            {{"device", info_.identity.name}}),
+      info_.identity.name + ": black", deadline, std::move(done),
+      [&] {
+        const TimePoint now = timers_.clock().Now(), settled = now + info_.settle;
+        world_->RampPattern(now, settled, Pattern{});
+        return settled;
+      },
+      []() -> absl::StatusOr<ProjectorState> { return ProjectorState{}; });
+}
+
+}  // namespace lightstage::sim
