@@ -10,8 +10,8 @@
 
 #include "absl/functional/any_invocable.h"
 #include "absl/strings/str_cat.h"
-#include "base/mutex.h"
 #include "base/clock.h"
+#include "base/mutex.h"
 #include "base/status.h"
 
 namespace lightstage {
@@ -41,7 +41,8 @@ class Pending {
   absl::StatusOr<T> Wait(TimePoint deadline, std::string_view what) {
     if (!clock_->WaitUntil(deadline, [this] { return done(); })) {
       return Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT",
-                   absl::StrCat(what, " did not answer in time"), {{"operation", std::string(what)}});
+                   absl::StrCat(what, " did not answer in time"),
+                   {{"operation", std::string(what)}});
     }
     return std::move(state_->result);
   }

@@ -12,7 +12,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_split.h"
-#include "absl/synchronization/mutex.h"
+#include "base/mutex.h"
 #include "base/status.h"
 
 namespace lightstage {
@@ -26,7 +26,7 @@ struct Point {
 
 struct Points {
   std::atomic<bool> any{false};
-  absl::Mutex mutex;
+  Mutex mutex;
   std::map<std::string, Point, std::less<>> by_name ABSL_GUARDED_BY(mutex);
 };
 
@@ -40,7 +40,7 @@ Points& All() {
 absl::Status Failpoint(std::string_view name) {
   Points& points = All();
   if (!points.any.load(std::memory_order_relaxed)) return absl::OkStatus();
-  absl::MutexLock lock(&points.mutex);
+  MutexLock lock(&points.mutex);
   auto it = points.by_name.find(name);
   if (it == points.by_name.end() || ++it->second.hits != it->second.due) return absl::OkStatus();
   if (it->second.kill) ::kill(::getpid(), SIGKILL);
@@ -71,7 +71,7 @@ absl::Status SetFailpoints(std::string_view spec) {
     parsed.emplace(std::string(name_action.first), point);
   }
   Points& points = All();
-  absl::MutexLock lock(&points.mutex);
+  MutexLock lock(&points.mutex);
   points.by_name = std::move(parsed);
   points.any.store(!points.by_name.empty(), std::memory_order_relaxed);
   return status;

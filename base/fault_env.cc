@@ -37,7 +37,7 @@ class FaultEnv::FaultAppendFile final : public AppendFile {
     RETURN_IF_ERROR(env_.Check(EnvOp::kSync, path_));
     RETURN_IF_ERROR(file_->Sync());
     auto size = env_.base_.FileSize(path_);
-    absl::MutexLock lock(&env_.mutex_);
+    MutexLock lock(&env_.mutex_);
     if (size.ok()) env_.synced_size_[path_] = *size;
     return absl::OkStatus();
   }
@@ -49,27 +49,27 @@ class FaultEnv::FaultAppendFile final : public AppendFile {
 };
 
 void FaultEnv::FillDiskAfter(uint64_t bytes) {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   room_ = bytes;
 }
 
 void FaultEnv::FreeDisk() {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   room_.reset();
 }
 
 void FaultEnv::SetFreeBytes(std::optional<uint64_t> bytes) {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   free_bytes_ = bytes;
 }
 
 void FaultEnv::Fail(EnvOp op, std::string path_part, absl::Status status, int times) {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   failures_.push_back({op, std::move(path_part), std::move(status), times});
 }
 
 absl::Status FaultEnv::LosePower() {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   for (const auto& [folder, names] : new_names_) {
     for (const std::string& path : names) {
       synced_size_.erase(path);
@@ -85,7 +85,7 @@ absl::Status FaultEnv::LosePower() {
 }
 
 absl::Status FaultEnv::Check(EnvOp op, const std::string& path) {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   for (Failure& failure : failures_) {
     if (failure.op == op && failure.left > 0 && path.find(failure.path_part) != std::string::npos) {
       --failure.left;
@@ -96,7 +96,7 @@ absl::Status FaultEnv::Check(EnvOp op, const std::string& path) {
 }
 
 uint64_t FaultEnv::TakeRoom(uint64_t bytes, bool partly) {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   if (!room_) return bytes;
   uint64_t fits = std::min(bytes, *room_);
   if (fits < bytes && !partly) {
@@ -126,7 +126,7 @@ absl::Status FaultEnv::WriteFile(const std::string& path, std::string_view bytes
   }
   bool existed = base_.Exists(path);
   RETURN_IF_ERROR(base_.WriteFile(path, bytes));
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   if (!existed) new_names_[FolderOf(path)].insert(Normal(path));
   return absl::OkStatus();
 }
@@ -134,7 +134,7 @@ absl::Status FaultEnv::WriteFile(const std::string& path, std::string_view bytes
 absl::Status FaultEnv::SyncDirectory(const std::string& path) {
   RETURN_IF_ERROR(Check(EnvOp::kSyncDirectory, path));
   RETURN_IF_ERROR(base_.SyncDirectory(path));
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   new_names_.erase(Normal(path));
   return absl::OkStatus();
 }
@@ -144,7 +144,7 @@ absl::StatusOr<std::unique_ptr<AppendFile>> FaultEnv::OpenAppend(const std::stri
   bool existed = base_.Exists(path);
   ASSIGN_OR_RETURN(auto file, base_.OpenAppend(path));
   ASSIGN_OR_RETURN(uint64_t size, base_.FileSize(path));
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   if (!existed) new_names_[FolderOf(path)].insert(Normal(path));
   synced_size_.emplace(Normal(path), size);
   return std::make_unique<FaultAppendFile>(*this, std::move(file), Normal(path));
@@ -153,7 +153,7 @@ absl::StatusOr<std::unique_ptr<AppendFile>> FaultEnv::OpenAppend(const std::stri
 absl::Status FaultEnv::Truncate(const std::string& path, uint64_t size) {
   RETURN_IF_ERROR(Check(EnvOp::kTruncate, path));
   RETURN_IF_ERROR(base_.Truncate(path, size));
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   if (auto it = synced_size_.find(Normal(path)); it != synced_size_.end()) it->second = size;
   return absl::OkStatus();
 }
@@ -166,7 +166,7 @@ absl::Status FaultEnv::CreateDirectories(const std::string& path) {
 absl::Status FaultEnv::Remove(const std::string& path) {
   RETURN_IF_ERROR(Check(EnvOp::kRemove, path));
   RETURN_IF_ERROR(base_.Remove(path));
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   synced_size_.erase(Normal(path));
   if (auto it = new_names_.find(FolderOf(path)); it != new_names_.end()) {
     it->second.erase(Normal(path));
@@ -187,7 +187,7 @@ bool FaultEnv::Exists(const std::string& path) { return base_.Exists(path); }
 
 absl::StatusOr<uint64_t> FaultEnv::FreeBytes(const std::string& path) {
   {
-    absl::MutexLock lock(&mutex_);
+    MutexLock lock(&mutex_);
     if (free_bytes_) return *free_bytes_;
   }
   return base_.FreeBytes(path);

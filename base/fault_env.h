@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
-#include "absl/synchronization/mutex.h"
 #include "base/env.h"
+#include "base/mutex.h"
 
 namespace lightstage {
 
@@ -80,7 +80,7 @@ class FaultEnv final : public Env {
   uint64_t TakeRoom(uint64_t bytes, bool partly);
 
   Env& base_;
-  absl::Mutex mutex_;
+  Mutex mutex_;
   std::vector<Failure> failures_ ABSL_GUARDED_BY(mutex_);
   std::optional<uint64_t> room_ ABSL_GUARDED_BY(mutex_);
   std::optional<uint64_t> free_bytes_ ABSL_GUARDED_BY(mutex_);

@@ -45,7 +45,8 @@ class CondVar {
     lock.release();
   }
   // True if the time is over.
-  bool WaitFor(Mutex* mutex, std::chrono::nanoseconds timeout) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex) {
+  bool WaitFor(Mutex* mutex, std::chrono::nanoseconds timeout)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex) {
     std::unique_lock<std::mutex> lock(mutex->mutex_, std::adopt_lock);
     // Far deadlines would overflow the clock.
     auto bounded = std::min(timeout, std::chrono::nanoseconds(std::chrono::hours(24)));

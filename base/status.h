@@ -36,10 +36,9 @@ absl::Status ErrnoError(int error_number, std::string_view operation, std::strin
 #define LS_CONCAT_INNER(a, b) a##b
 #define LS_CONCAT(a, b) LS_CONCAT_INNER(a, b)
 
-#define RETURN_IF_ERROR(expr)                             \
-  do {                                                    \
-    if (absl::Status ls_status = (expr); !ls_status.ok()) \
-      return ls_status;                                   \
+#define RETURN_IF_ERROR(expr)                                               \
+  do {                                                                      \
+    if (absl::Status ls_status = (expr); !ls_status.ok()) return ls_status; \
   } while (false)
 
 #define ASSIGN_OR_RETURN(lhs, expr) ASSIGN_OR_RETURN_IMPL(LS_CONCAT(ls_or_, __LINE__), lhs, expr)

@@ -22,14 +22,17 @@ namespace lightstage {
 class TomlTable {
  public:
   // Ranges are inclusive. Without a fallback the key is required. NaN and infinity are out of every range.
-  double Double(std::string_view key, double lo, double hi, std::optional<double> fallback = {}) const;
-  int64_t Int(std::string_view key, int64_t lo, int64_t hi, std::optional<int64_t> fallback = {}) const;
+  double Double(std::string_view key, double lo, double hi,
+                std::optional<double> fallback = {}) const;
+  int64_t Int(std::string_view key, int64_t lo, int64_t hi,
+              std::optional<int64_t> fallback = {}) const;
   bool Bool(std::string_view key, std::optional<bool> fallback = {}) const;
   std::string String(std::string_view key, std::optional<std::string> fallback = {}) const;
   std::string OneOf(std::string_view key, const std::vector<std::string>& choices,
                     std::optional<std::string> fallback = {}) const;
   // A number whose key names its unit: _us, _ms or _s (range in the key's unit).
-  Duration Time(std::string_view key, double lo, double hi, std::optional<double> fallback = {}) const;
+  Duration Time(std::string_view key, double lo, double hi,
+                std::optional<double> fallback = {}) const;
   // `count` < 0: any number of elements.
   std::vector<double> Doubles(std::string_view key, double lo, double hi, int count = -1,
                               std::optional<std::vector<double>> fallback = {}) const;
@@ -55,8 +58,9 @@ class TomlTable {
   friend class TomlDocument;
   struct Impl;
   TomlTable(std::shared_ptr<Impl> impl, const void* node, std::string path);
-  std::shared_ptr<Impl> impl_;  // shared: every view of a document records its errors and its used keys in one place
-  const void* node_;            // a toml::table; an empty one of the document's own for a missing table
+  std::shared_ptr<Impl>
+      impl_;  // shared: every view of a document records its errors and its used keys in one place
+  const void* node_;  // a toml::table; an empty one of the document's own for a missing table
   std::string path_;
 };
 

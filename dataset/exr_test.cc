@@ -64,6 +64,28 @@ TEST(ExrTest, HalfRoundsToNearestAndClamps) {
   EXPECT_EQ(decoded.at(2, 0, 0), -65504.0f);
 }
 
+// Every finite half is itself, and what lies half-way between two goes to the even one.
+TEST(ExrTest, AllHalves) {
+  constexpr int kFinite = 0x7c00;  // halves from 0 up to the largest
+  Image image(kFinite, 2, 1);
+  std::vector<float> values;
+  for (int i = 0; i < kFinite; ++i) {
+    int exponent = i >> 10, mantissa = i & 0x3ff;
+    values.push_back(exponent == 0
+                         ? std::ldexp(static_cast<float>(mantissa), -24)
+                         : std::ldexp(static_cast<float>(mantissa + 1024), exponent - 25));
+  }
+  for (int i = 0; i < kFinite; ++i) {
+    image.at(i, 0, 0) = values[i];
+    image.at(i, 1, 0) = i + 1 < kFinite ? -0.5f * (values[i] + values[i + 1]) : 0.0f;
+  }
+  Image decoded = DecodeExr(EncodeExr(image, ExrPixelType::kHalf).value(), "picture").value();
+  for (int i = 0; i + 1 < kFinite; ++i) {
+    ASSERT_EQ(decoded.at(i, 0, 0), values[i]) << i;
+    ASSERT_EQ(decoded.at(i, 1, 0), -values[i + i % 2]) << i;
+  }
+}
+
 TEST(ExrTest, RefusesWhatNoPictureIs) {
   Image image(2, 2, 3);
   for (float bad :

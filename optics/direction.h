@@ -13,7 +13,8 @@ using Vec3 = Eigen::Vector3d;
 // Unit vector (sinθ cosφ, sinθ sinφ, cosθ).
 inline Vec3 DirectionFromAngles(Angle azimuth, Angle tilt) {
   double st = std::sin(tilt.radians());
-  return {st * std::cos(azimuth.radians()), st * std::sin(azimuth.radians()), std::cos(tilt.radians())};
+  return {st * std::cos(azimuth.radians()), st * std::sin(azimuth.radians()),
+          std::cos(tilt.radians())};
 }
 
 struct AzimuthTilt {

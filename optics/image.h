@@ -28,7 +28,9 @@ class Image {
   float at(int x, int y, int c) const { return data_[Index(x, y, c)]; }
   std::span<float> pixels() { return data_; }
   std::span<const float> pixels() const { return data_; }
-  std::span<float> row(int y) { return pixels().subspan(Index(0, y, 0), size_t(width_) * channels_); }
+  std::span<float> row(int y) {
+    return pixels().subspan(Index(0, y, 0), size_t(width_) * channels_);
+  }
   std::span<const float> row(int y) const {
     return pixels().subspan(Index(0, y, 0), size_t(width_) * channels_);
   }

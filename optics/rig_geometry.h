@@ -31,16 +31,16 @@ struct BraceGeometry {
 
 struct ProjectorGeometry {
   bool present = false;
-  Length distance;                     // of its pinhole from the origin, at which it looks
-  Angle azimuth;                       // world azimuth of the gantry's arm
-  Angle field_of_view;                 // full horizontal angle
-  int width = 0, height = 0;           // native pixels; square pixels
+  Length distance;            // of its pinhole from the origin, at which it looks
+  Angle azimuth;              // world azimuth of the gantry's arm
+  Angle field_of_view;        // full horizontal angle
+  int width = 0, height = 0;  // native pixels; square pixels
 };
 
 struct CameraGeometry {
   Vec3 position = Vec3::Zero();  // object frame, m
   Vec3 look_at = Vec3::Zero();
-  Angle field_of_view;           // full horizontal angle
+  Angle field_of_view;  // full horizontal angle
 };
 
 struct RigGeometry {

@@ -20,6 +20,8 @@ constexpr double kHorizon = 1e-9;        // −z below which a direction counts 
 // bisector is straight enough then. Where more cells meet, pieces are halved down to the second share.
 constexpr double kEdgeLeaf = 0.1;
 constexpr double kVertexLeaf = 0.007;
+// Larger pieces are too curved to be treated as flat boxes.
+constexpr double kFlat = 0.01;
 // Rivals of the nearest light that are looked at one by one.
 constexpr size_t kNeighbours = 8;
 constexpr int kMaxDepth = 24;
@@ -193,7 +195,7 @@ class Integrator {
       return;
     }
     const double leaf = rivals == 1 && all_known ? kEdgeLeaf : kVertexLeaf;
-    if (radius > leaf * (near.chord[0] + near.chord[1]) && depth < kMaxDepth) {
+    if (radius > std::min(kFlat, leaf * (near.chord[0] + near.chord[1])) && depth < kMaxDepth) {
       const double a = piece.half_azimuth / 2, t = piece.half_tilt / 2;
       for (double da : {-a, a}) {
         for (double dt : {-t, t}) {

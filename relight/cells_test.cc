@@ -112,7 +112,7 @@ TEST(IntegrateOverCells, DividesExactlyWhatTheMapHolds) {
 // 2 asin(sin(Δφ/2) cos m_top) − 2 asin(sin(Δφ/2) cos m_bottom).
 TEST(IntegrateOverCells, RegularGridsAreasAreRight) {
   for (auto [azimuths, tilts, width, height] :
-       {std::tuple{64, 20, 256, 128}, {64, 20, 50, 25}, {32, 10, 512, 256}, {32, 10, 12, 6}}) {
+       {std::tuple{64, 20, 50, 25}, {32, 10, 256, 128}, {32, 10, 12, 6}}) {
     Cells cells = Integrate(Constant(width, height), Grid(azimuths, tilts));
     const double s = std::sin(kPi / azimuths);
     for (int a = 0; a < azimuths; ++a) {
@@ -221,7 +221,7 @@ TEST(IntegrateOverCells, FewDirections) {
   EXPECT_NEAR(one.solid_angles[0], 2 * kPi, 1e-12);
   Cells two = Integrate(Constant(4, 2), {Vec3::UnitX(), -Vec3::UnitX()});
   EXPECT_NEAR(two.solid_angles[0], kPi, 1e-9);
-  EXPECT_GE(two.farthest.degrees(), 88);
+  EXPECT_NEAR(two.farthest.degrees(), 90, 1);
   Cells down = Integrate(Constant(5, 3), {Vec3::UnitZ(), -Vec3::UnitZ()});
   EXPECT_NEAR(down.solid_angles[1], 2 * kPi, 1e-3);
   EXPECT_EQ(ErrorReason(IntegrateOverCells(Constant(4, 2), {}, Degrees(0)).status()),

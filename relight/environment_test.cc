@@ -21,7 +21,7 @@ Dataset OpenSphere(const std::string& folder) {
   return *std::move(dataset);
 }
 
-Relit Run(const Dataset& dataset, const EnvironmentMap& map, Angle rotate = Degrees(0)) {
+Relit RelightSphere(const Dataset& dataset, const EnvironmentMap& map, Angle rotate = Degrees(0)) {
   auto relit = RelightWithEnvironment(dataset, map, rotate);
   EXPECT_TRUE(relit.ok()) << relit.status();
   return *std::move(relit);
@@ -31,7 +31,7 @@ Relit Run(const Dataset& dataset, const EnvironmentMap& map, Angle rotate = Degr
 TEST(RelightWithEnvironment, LambertSphereUnderAUniformSkyIsTheClosedForm) {
   const std::string folder = TestFolder();
   WriteSphere(folder, StageDirections(32, 10), {0.8f, 0.4f, 0.2f});
-  Relit relit = Run(OpenSphere(folder), Map(Image(64, 32, 1, 1.0f)));
+  Relit relit = RelightSphere(OpenSphere(folder), Map(Image(64, 32, 1, 1.0f)));
   EXPECT_EQ(relit.image.channels(), 3);
   EXPECT_EQ(relit.images_used, 320);
   for (int y = 0; y < kSphereSize; ++y) {
@@ -57,7 +57,7 @@ TEST(RelightWithEnvironment, OneBrightTexelPicksItsLamp) {
   for (int c = 0; c < 3; ++c) image.at(x, y, c) = 100.0f * (c + 1);
   EnvironmentMap map = Map(std::move(image));
   for (double rotate : {0.0, 90.0, -45.0}) {
-    Relit relit = Run(dataset, map, Degrees(rotate));
+    Relit relit = RelightSphere(dataset, map, Degrees(rotate));
     const Vec3 lamp = DirectionFromAngles(Degrees(45 + rotate), Degrees(33.75));
     const BasisImage expected = SphereImage(lamp, 1, {1});
     for (int c = 0; c < 3; ++c) {
@@ -75,7 +75,7 @@ TEST(RelightWithEnvironment, LevelsAndRepeatedDirectionsDoNotChangeThePicture) {
   const auto directions = StageDirections(8, 4);
   WriteSphere(folder, directions, {1});
   EnvironmentMap sky = Map(Image(16, 8, 1, 1.0f));
-  Relit plain = Run(OpenSphere(folder), sky);
+  Relit plain = RelightSphere(OpenSphere(folder), sky);
   EXPECT_EQ(plain.image.channels(), 1);
 
   std::vector<ShotRecord> records;
@@ -88,7 +88,7 @@ TEST(RelightWithEnvironment, LevelsAndRepeatedDirectionsDoNotChangeThePicture) {
   WriteImage(folder, records.back(), SphereImage(directions[3], 1, {1}));
   records.push_back(SphereRecord(directions.size() + 1, std::nullopt));
   WriteManifest(folder, records, 1);
-  Relit other = Run(OpenSphere(folder), sky);
+  Relit other = RelightSphere(OpenSphere(folder), sky);
   EXPECT_EQ(other.images_used, 33);
   EXPECT_EQ(other.images_skipped, 1);
   for (size_t i = 0; i < plain.image.pixels().size(); ++i) {
@@ -103,7 +103,7 @@ TEST(RelightWithEnvironment, SaysWhereTheCameraRangeWasExceeded) {
   for (int x = 0; x < kSphereSize; ++x) image.flags[4 * kSphereSize + x] = kAboveRange;
   WriteImage(folder, record, image);
   WriteManifest(folder, {record}, 1);
-  Relit relit = Run(OpenSphere(folder), Map(Image(4, 2, 1, 1.0f)));
+  Relit relit = RelightSphere(OpenSphere(folder), Map(Image(4, 2, 1, 1.0f)));
   EXPECT_DOUBLE_EQ(relit.above_range_share, 1.0 / kSphereSize);
 }
 

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -72,6 +73,13 @@ inline std::vector<Vec3> StageDirections(int azimuths, int tilts) {
   return out;
 }
 
+// Not through Env: hundreds of synced files would take seconds.
+inline void WriteText(const std::string& path, const std::string& bytes) {
+  std::ofstream out(path, std::ios::binary);
+  out << bytes;
+  ASSERT_TRUE(out.good()) << path;
+}
+
 inline void WriteImage(const std::string& folder, const ShotRecord& record,
                        const BasisImage& image) {
   FrameAttributes attributes;
@@ -81,8 +89,7 @@ inline void WriteImage(const std::string& folder, const ShotRecord& record,
   attributes.captured_at = record.captured_at;
   auto bytes = EncodeBasisExr(image, attributes, ExrCompression::kNone);
   ASSERT_TRUE(bytes.ok()) << bytes.status();
-  absl::Status written = PosixEnv().WriteFile(absl::StrCat(folder, "/", record.file), *bytes);
-  ASSERT_TRUE(written.ok()) << written;
+  WriteText(absl::StrCat(folder, "/", record.file), *bytes);
 }
 
 inline void WriteManifest(const std::string& folder, const std::vector<ShotRecord>& records,
@@ -104,8 +111,7 @@ inline void WriteManifest(const std::string& folder, const std::vector<ShotRecor
   manifest.shots = records;
   auto json = ManifestToJson(manifest);
   ASSERT_TRUE(json.ok()) << json.status();
-  absl::Status written = PosixEnv().WriteFile(absl::StrCat(folder, "/", kManifestFile), *json);
-  ASSERT_TRUE(written.ok()) << written;
+  WriteText(absl::StrCat(folder, "/", kManifestFile), *json);
 }
 
 // A whole capture: one basis image per direction.

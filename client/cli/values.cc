@@ -180,7 +180,7 @@ absl::StatusOr<std::string> ParseRun(const std::string& text) {
   if (text == kLatestRun) return text;
   std::string id(absl::StripPrefix(text, "runs/"));
   bool good = !id.empty();
-  for (char c : id) good = good && (absl::ascii_isalnum(c) || c == '-' || c == '_' || c == '.');
+  for (char c : id) good = good && (absl::ascii_isalnum(c) || c == '-' || c == '_');
   if (!good) {
     return UsageError(
         absl::StrCat("'", text, "' is no run: give its name as runs list shows it, or latest"));

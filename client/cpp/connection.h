@@ -63,7 +63,7 @@ constexpr Duration kMotionDeadline = std::chrono::hours(1);
 // Gives a call its deadline, from now on the monotonic clock.
 void SetDeadline(grpc::ClientContext& context, Duration deadline);
 
-// The error of a call: CANCELLED / CANCELLED if `canceller` ended it.
+// The error of a call: CANCELLED / CLIENT_CANCELLED if `canceller` ended it.
 absl::Status CallStatus(const grpc::Status& status, const Canceller& canceller);
 
 // One unary call.

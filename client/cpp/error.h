@@ -12,7 +12,7 @@ namespace lightstage::client {
 inline constexpr std::string_view kCannotConnect = "CANNOT_CONNECT";    // nobody answers there
 inline constexpr std::string_view kConnectionLost = "CONNECTION_LOST";  // it broke during a call
 inline constexpr std::string_view kNoAnswer = "NO_ANSWER";              // a call's deadline passed
-inline constexpr std::string_view kCancelled = "CANCELLED";             // by this process
+inline constexpr std::string_view kCancelled = "CLIENT_CANCELLED";      // by this process
 
 // The daemon's google.rpc.ErrorInfo gives reason and metadata. A status without one comes from the
 // transport: then the reason is kConnectionLost, kNoAnswer or the code's name.

@@ -53,7 +53,7 @@ struct FetchOptions {
 // sent again, so a fetch that broke off is finished by another one. Files without a record
 // (journal, manifest) are always sent. `on_file` is called on this thread when a file is in place,
 // was skipped or was bad. Memory: the largest file. Errors end the fetch: the daemon's, the
-// filesystem's, CONNECTION_LOST, CANCELLED.
+// filesystem's, CONNECTION_LOST, CLIENT_CANCELLED.
 absl::StatusOr<FetchResult> FetchRun(
     Connection& connection, const std::string& name, const std::string& folder, Env& env,
     FetchOptions options, Canceller& canceller,

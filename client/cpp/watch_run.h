@@ -32,7 +32,7 @@ struct WatchOptions {
 
 // Calls `on_update` (on this thread) with every answer until the run has ended or `on_update`
 // returns false; returns the run as last seen. Errors: the daemon's (NOT_FOUND / RUN_NOT_FOUND …),
-// CONNECTION_LOST or CANNOT_CONNECT, CANCELLED.
+// CONNECTION_LOST or CANNOT_CONNECT, CLIENT_CANCELLED.
 absl::StatusOr<v1::Run> WatchRun(Connection& connection, const std::string& name,
                                  WatchOptions options, Canceller& canceller,
                                  absl::FunctionRef<bool(const v1::WatchRunResponse&)> on_update);

@@ -53,8 +53,9 @@ absl::Status Serve(const Arguments& arguments, const RigFile& file, const sigset
   const RigFacts facts = FactsOf(*rig);
   int lamps = static_cast<int>(facts.geometry.brace.lamps.size());
   RunManager runs(*rig, facts, *data, *env,
-                  {.write = rpc::PlanToJson,
-                   .read = [lamps](const std::string& json) { return rpc::PlanFromJson(json, lamps); }});
+                  {.write = rpc::PlanToJson, .read = [lamps](const std::string& json) {
+                     return rpc::PlanFromJson(json, lamps);
+                   }});
   ASSIGN_OR_RETURN(std::unique_ptr<rpc::Server> server,
                    rpc::Server::Start(arguments.listen, *rig, facts, runs));
   for (const std::string& address : server->addresses()) spdlog::info("listening on {}", address);
@@ -73,13 +74,13 @@ int Main(int argc, char** argv) {
   app.set_version_flag("--version", kVersion);
   app.add_option("--rig", arguments.rig_file, "Rig file (TOML)")->required();
   auto* data = app.add_option("--data", arguments.data, "Data directory, made if needed");
-  app.add_option("--listen", arguments.listen,
-                 "unix:PATH or 127.0.0.1:PORT (repeatable; default " + std::string(kDefaultAddress) + ")");
+  app.add_option(
+      "--listen", arguments.listen,
+      "unix:PATH or 127.0.0.1:PORT (repeatable; default " + std::string(kDefaultAddress) + ")");
   app.add_flag("--check", arguments.check, "Check the rig file and exit; touches no device");
   try {
     app.parse(argc, argv);
-    if (!arguments.check && data->count() == 0)
-      throw CLI::RequiredError("--data");
+    if (!arguments.check && data->count() == 0) throw CLI::RequiredError("--data");
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }

@@ -21,33 +21,33 @@ struct LimitOptions {
   Angle tilt_min, tilt_max;
   Duration max_exposure{};
   int max_exposures_per_shot = 0;
-  int max_lamps_on = 0;            // at once; a power supply's limit
+  int max_lamps_on = 0;  // at once; a power supply's limit
 };
 
 struct DevelopOptions {
-  int workers = 0;                 // threads that develop, encode and write; [1, 64]
-  double black_level = 0;          // raw code value without light, at full-scale 2^bits − 1
-  ResponseCurve response;          // identity for a linear camera
-  double saturation = 0;           // share of full scale from which a sample is saturated, (0, 1]
-  double noise_floor = 0;          // share of full scale below which a sample is black, [0, 1)
+  int workers = 0;         // threads that develop, encode and write; [1, 64]
+  double black_level = 0;  // raw code value without light, at full-scale 2^bits − 1
+  ResponseCurve response;  // identity for a linear camera
+  double saturation = 0;   // share of full scale from which a sample is saturated, (0, 1]
+  double noise_floor = 0;  // share of full scale below which a sample is black, [0, 1)
 };
 
 struct StoreOptions {
-  std::string compression;         // OpenEXR's: "none", "rle", "zips", "zip", "piz", "dwaa"
-  bool direct_io = true;           // O_DIRECT where the filesystem has it
-  int queue_shots = 0;             // raw shots that may wait for a worker
+  std::string compression;  // OpenEXR's: "none", "rle", "zips", "zip", "piz", "dwaa"
+  bool direct_io = true;    // O_DIRECT where the filesystem has it
+  int queue_shots = 0;      // raw shots that may wait for a worker
 };
 
 struct EngineOptions {
-  int max_attempts = 0;            // per shot, the first included
-  Duration device_timeout{};       // for a confirmation, beyond the time the operation itself takes
-  Duration heartbeat{};            // control lease
-  Duration lamp_time_to_dark{};    // 0: not used
+  int max_attempts = 0;          // per shot, the first included
+  Duration device_timeout{};     // for a confirmation, beyond the time the operation itself takes
+  Duration heartbeat{};          // control lease
+  Duration lamp_time_to_dark{};  // 0: not used
 };
 
 struct CameraOptions {
   CameraConfig config;
-  std::vector<Duration> exposures; // the default bracket, ascending
+  std::vector<Duration> exposures;  // the default bracket, ascending
 };
 
 // One device table, parsed; `open` is used at most once.
@@ -59,8 +59,8 @@ struct DeviceTable {
 };
 
 struct RigFile {
-  std::string name;                // of the rig, shown to users
-  std::string text;                // the file itself, stored with every run
+  std::string name;  // of the rig, shown to users
+  std::string text;  // the file itself, stored with every run
   bool virtual_time = false;
   RigGeometry geometry;
   LimitOptions limits;
@@ -68,7 +68,7 @@ struct RigFile {
   DevelopOptions develop;
   StoreOptions store;
   EngineOptions engine;
-  DeviceTable<Camera> camera;      // always present
+  DeviceTable<Camera> camera;  // always present
   DeviceTable<Axis> turntable;
   DeviceTable<Axis> tilt;
   DeviceTable<Lamps> lamps;

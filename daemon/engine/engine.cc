@@ -15,20 +15,21 @@ absl::Status CheckHeld(const Axis* axis, AxisId id, Angle commanded, Angle repor
   if (!axis) return absl::OkStatus();
   double off = std::abs(MoveDistance(axis->info(), commanded, reported).degrees());
   if (off <= axis->info().tolerance.degrees()) return absl::OkStatus();
-  return Error(absl::StatusCode::kAborted, "POSE_NOT_HELD",
-               absl::StrFormat("%s: reports %.4f deg, was sent to %.4f deg (tolerance %g deg)",
-                               AxisName(id), reported.degrees(), commanded.degrees(),
-                               axis->info().tolerance.degrees()),
-               {{"axis", AxisName(id)},
-                {"reported_deg", absl::StrCat(reported.degrees())},
-                {"commanded_deg", absl::StrCat(commanded.degrees())},
-                {"tolerance_deg", absl::StrCat(axis->info().tolerance.degrees())}});
+  return Error(
+      absl::StatusCode::kAborted, "POSE_NOT_HELD",
+      absl::StrFormat("%s: reports %.4f deg, was sent to %.4f deg (tolerance %g deg)", AxisName(id),
+                      reported.degrees(), commanded.degrees(), axis->info().tolerance.degrees()),
+      {{"axis", AxisName(id)},
+       {"reported_deg", absl::StrCat(reported.degrees())},
+       {"commanded_deg", absl::StrCat(commanded.degrees())},
+       {"tolerance_deg", absl::StrCat(axis->info().tolerance.degrees())}});
 }
 
 }  // namespace
 
 Engine::Engine(Rig& rig, const RigFacts& facts, Program& program, const Results& results,
-               std::function<bool(uint64_t)> done, std::optional<Resumption> resumption, Hooks hooks)
+               std::function<bool(uint64_t)> done, std::optional<Resumption> resumption,
+               Hooks hooks)
     : rig_(rig),
       facts_(facts),
       program_(program),
@@ -317,7 +318,8 @@ void Engine::PauseHere(ShotSink& sink) {
     MutexLock lock(&mutex_);
     while (progress_.state == RunState::kPaused) changed_.Wait(&mutex_);
   }
-  for (Attempt& attempt : again_) attempt.last = attempt.number + rig_.file().engine.max_attempts - 1;
+  for (Attempt& attempt : again_)
+    attempt.last = attempt.number + rig_.file().engine.max_attempts - 1;
 }
 
 }  // namespace lightstage

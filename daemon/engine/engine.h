@@ -28,10 +28,10 @@ namespace lightstage {
 // What watchers see.
 struct RunProgress {
   RunState state = RunState::kRunning;
-  absl::Status reason;      // why it is paused, failed or interrupted
-  Pose pose;                // last commanded
-  uint64_t retakes = 0;     // attempts beyond the first, over all shots
-  uint64_t stored = 0;      // shots stored since Run() began
+  absl::Status reason;   // why it is paused, failed or interrupted
+  Pose pose;             // last commanded
+  uint64_t retakes = 0;  // attempts beyond the first, over all shots
+  uint64_t stored = 0;   // shots stored since Run() began
 };
 
 class Engine {
@@ -111,10 +111,12 @@ class Engine {
   const Hooks hooks_;
 
   // Run()'s thread only.
-  std::deque<Attempt> again_;            // to be taken before the program is asked for more
-  std::map<uint64_t, Attempt> unstored_;  // handed to the sink, no outcome yet; bounded by the sink's queue
+  std::deque<Attempt> again_;  // to be taken before the program is asked for more
+  std::map<uint64_t, Attempt>
+      unstored_;  // handed to the sink, no outcome yet; bounded by the sink's queue
   std::optional<InFlight> in_flight_;
-  std::optional<OperatorRequest> request_;  // yielded, and due before the next shot that has no record
+  std::optional<OperatorRequest>
+      request_;  // yielded, and due before the next shot that has no record
   bool resumption_done_ = false;
   bool camera_suspect_ = false;  // arm it anew before the next exposure
 

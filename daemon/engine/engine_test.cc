@@ -108,9 +108,8 @@ class SlowLamps final : public Lamps {
   void Set(const std::vector<float>& levels, TimePoint, Completion<LampsState> done) override {
     log_.Add(clock_, "lamps");
     lit = *std::max_element(levels.begin(), levels.end()) > 0;
-    clock_.At(clock_.Now() + info_.settle, [levels, d = std::move(done)]() mutable {
-      std::move(d)(LampsState{levels});
-    });
+    clock_.At(clock_.Now() + info_.settle,
+              [levels, d = std::move(done)]() mutable { std::move(d)(LampsState{levels}); });
   }
   void Dark(TimePoint, Completion<LampsState> done) override {
     log_.Add(clock_, "dark");
@@ -223,9 +222,9 @@ class EngineTest : public testing::Test, public ShotSink, public Results {
       changed_.SignalAll();
     };
     hooks.finish = [this] { return finish_; };
-    engine_ = std::make_unique<Engine>(*rig_, facts_, *program_, *this,
-                                       [done](uint64_t id) { return done.count(id) > 0; },
-                                       std::move(resumption), hooks);
+    engine_ = std::make_unique<Engine>(
+        *rig_, facts_, *program_, *this, [done](uint64_t id) { return done.count(id) > 0; },
+        std::move(resumption), hooks);
     ASSERT_TRUE(rig_->Acquire(RigUse::kRun).ok());
     thread_ = std::thread([this] {
       end_ = engine_->Run(*this);
@@ -340,7 +339,8 @@ TEST_F(EngineTest, NothingChangesDuringAnExposure) {
   for (const auto& [time, what] : log_.entries()) {
     if (what == "trigger") exposing = true;
     if (what == "exposure ended") exposing = false;
-    EXPECT_FALSE(exposing && (what == "move" || what == "lamps" || what == "dark")) << what << " " << time;
+    EXPECT_FALSE(exposing && (what == "move" || what == "lamps" || what == "dark"))
+        << what << " " << time;
   }
 }
 
@@ -493,15 +493,15 @@ TEST_F(EngineTest, AfterAwaitResultsEveryShotHasItsRecord) {
 TEST_F(EngineTest, AResumedRunHomesComparesAndTakesOnlyWhatIsMissing) {
   Open();
   int compared = 0;
-  Engine::Resumption resumption{
-      .reference = ShotOf(1, 0, 1),
-      .compare = [&](const RawShot& raw) -> absl::Status {
-        ++compared;
-        EXPECT_EQ(raw.frames.size(), 1u);
-        return Error(absl::StatusCode::kFailedPrecondition, "REFERENCE_CHANGED", "camera was moved");
-      }};
-  Start({ShotOf(0, 0, 0), OperatorRequest{"was met before shot 1"}, ShotOf(1, 0, 1), ShotOf(2, 0, 2),
-         ShotOf(3, 0, 3)},
+  Engine::Resumption resumption{.reference = ShotOf(1, 0, 1),
+                                .compare = [&](const RawShot& raw) -> absl::Status {
+                                  ++compared;
+                                  EXPECT_EQ(raw.frames.size(), 1u);
+                                  return Error(absl::StatusCode::kFailedPrecondition,
+                                               "REFERENCE_CHANGED", "camera was moved");
+                                }};
+  Start({ShotOf(0, 0, 0), OperatorRequest{"was met before shot 1"}, ShotOf(1, 0, 1),
+         ShotOf(2, 0, 2), ShotOf(3, 0, 3)},
         {0, 1, 3}, resumption);
   ASSERT_EQ(WaitState(2), RunState::kPaused);
   EXPECT_EQ(ErrorReason(reason()), "REFERENCE_CHANGED");

@@ -41,10 +41,10 @@ std::string_view RunEventName(RunEvent event) { return kEventNames[static_cast<s
 absl::StatusOr<RunState> NextState(RunState state, RunEvent event) {
   auto next = kTable[static_cast<size_t>(state)][static_cast<size_t>(event)];
   if (next) return *next;
-  return Error(absl::StatusCode::kFailedPrecondition, "RUN_STATE",
-               absl::StrCat("cannot ", RunEventName(event), " a run that is ", RunStateName(state)),
-               {{"state", std::string(RunStateName(state))},
-                {"event", std::string(RunEventName(event))}});
+  return Error(
+      absl::StatusCode::kFailedPrecondition, "RUN_STATE",
+      absl::StrCat("cannot ", RunEventName(event), " a run that is ", RunStateName(state)),
+      {{"state", std::string(RunStateName(state))}, {"event", std::string(RunEventName(event))}});
 }
 
 bool IsTerminal(RunState state) {

@@ -15,15 +15,15 @@ absl::Status Bracket::Expose() {
     if (i > 0) RETURN_IF_ERROR(TakeFrame());  // one frame at a time is what cameras promise
     RETURN_IF_ERROR(rig_.CheckRunning());
     Duration exposure = exposures_[i];
-    last_deadline_ =
-        rig_.clock().Now() + exposure + camera.info().readout + rig_.device_timeout();
+    last_deadline_ = rig_.clock().Now() + exposure + camera.info().readout + rig_.device_timeout();
     Pending<ExposureEnd> ended(rig_.clock());
     last_.emplace(rig_.clock());
     camera.Trigger(exposure, last_deadline_, ended.sink(), last_->sink());
     // The driver's own deadline is the same; the margin lets its more telling error arrive first.
     auto end = ended.Wait(last_deadline_ + rig_.device_timeout(), "camera: exposure");
-    if (!end.ok()) return Annotate(end.status(), absl::StrFormat("camera: exposure of %g us",
-                                                                 Seconds(exposure) * 1e6));
+    if (!end.ok())
+      return Annotate(end.status(),
+                      absl::StrFormat("camera: exposure of %g us", Seconds(exposure) * 1e6));
   }
   return absl::OkStatus();
 }

@@ -68,11 +68,11 @@ absl::Status Rig::OpenDevices() {
   if (lamps_) {
     int geometry = static_cast<int>(file_.geometry.brace.lamps.size());
     if (lamps_->info().count < geometry) {
-      return Error(absl::StatusCode::kFailedPrecondition, "LAMP_COUNT",
-                   absl::StrFormat("lamps: the device has %d channels, [geometry.brace] has %d lamps",
-                                   lamps_->info().count, geometry),
-                   {{"channels", absl::StrCat(lamps_->info().count)},
-                    {"lamps", absl::StrCat(geometry)}});
+      return Error(
+          absl::StatusCode::kFailedPrecondition, "LAMP_COUNT",
+          absl::StrFormat("lamps: the device has %d channels, [geometry.brace] has %d lamps",
+                          lamps_->info().count, geometry),
+          {{"channels", absl::StrCat(lamps_->info().count)}, {"lamps", absl::StrCat(geometry)}});
     }
     if (file_.engine.lamp_time_to_dark > Duration::zero())
       RETURN_IF_ERROR(lamps_->SetTimeToDark(file_.engine.lamp_time_to_dark));
@@ -220,8 +220,9 @@ std::unique_ptr<Rig::Posing> Rig::StartPose(const Pose& pose) {
 absl::Status Rig::Posing::Wait() {
   absl::Status first = refused_;
   for (Motion& motion : motions_) {
-    absl::Status status = rig_->WaitAxis(motion.axis, motion.pending, motion.deadline,
-                                         absl::StrFormat("move to %g deg", motion.target.degrees()));
+    absl::Status status =
+        rig_->WaitAxis(motion.axis, motion.pending, motion.deadline,
+                       absl::StrFormat("move to %g deg", motion.target.degrees()));
     if (first.ok()) first = status;
   }
   return first;
@@ -258,7 +259,8 @@ absl::StatusOr<AxisState> Rig::MoveAxis(AxisId id, Angle target, double velocity
     clock_.WaitUntil(std::min(deadline, clock_.Now() + std::chrono::milliseconds(50)),
                      [&] { return moved.done(); });
   }
-  RETURN_IF_ERROR(WaitAxis(id, moved, deadline, absl::StrFormat("move to %g deg", target.degrees())));
+  RETURN_IF_ERROR(
+      WaitAxis(id, moved, deadline, absl::StrFormat("move to %g deg", target.degrees())));
   MutexLock lock(&state_mutex_);
   return axis_state_[static_cast<int>(id)];
 }
@@ -418,7 +420,8 @@ absl::Status Rig::ArmCamera() {
   TimePoint deadline = clock_.Now() + 5 * device_timeout();
   Pending<CameraConfig> armed(clock_);
   camera_->Arm(deadline, armed.sink());
-  RETURN_IF_ERROR(Annotate(armed.Wait(deadline + device_timeout(), "camera: arm").status(), "camera"));
+  RETURN_IF_ERROR(
+      Annotate(armed.Wait(deadline + device_timeout(), "camera: arm").status(), "camera"));
   camera_armed_ = true;
   return absl::OkStatus();
 }
@@ -442,8 +445,9 @@ absl::Status Rig::StopDevices() {
       stops.emplace_back(id, Pending<AxisState>(clock_));
       // Slowing down takes as long as speeding up did.
       const AxisInfo& info = axis->info();
-      deadline = std::max(deadline, clock_.Now() + device_timeout() +
-                                        FromSeconds(info.max_velocity_dps / info.max_acceleration_dps2));
+      deadline =
+          std::max(deadline, clock_.Now() + device_timeout() +
+                                 FromSeconds(info.max_velocity_dps / info.max_acceleration_dps2));
       axis->Stop(deadline, stops.back().second.sink());
     }
   }
@@ -477,8 +481,7 @@ absl::Status Rig::Reset() {
     return ready;
   }
   MutexLock lock(&gate_);
-  if (stop_reason_.ok())
-    stop_reason_ = ready;
+  if (stop_reason_.ok()) stop_reason_ = ready;
   return Annotate(ready, "reset");
 }
 

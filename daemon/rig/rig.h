@@ -26,8 +26,8 @@ struct RigSnapshot {
   };
   std::vector<AxisReport> axes;
   std::vector<float> lamp_levels;
-  Pattern pattern;            // black if there is no projector
-  absl::Status stop_reason;   // not OK while latched
+  Pattern pattern;           // black if there is no projector
+  absl::Status stop_reason;  // not OK while latched
 };
 
 // Who is using the rig. One user at a time; stop and dark are for everyone.
@@ -43,7 +43,9 @@ class Rig {
   const RigFile& file() const { return file_; }
   Clock& clock() { return clock_; }
   Camera& camera() { return *camera_; }
-  const Axis* axis(AxisId id) const { return id == AxisId::kTurntable ? turntable_.get() : tilt_.get(); }
+  const Axis* axis(AxisId id) const {
+    return id == AxisId::kTurntable ? turntable_.get() : tilt_.get();
+  }
   const Lamps* lamps() const { return lamps_.get(); }
   const Projector* projector() const { return projector_.get(); }
 
@@ -61,7 +63,7 @@ class Rig {
   class Lighting;
   std::unique_ptr<Lighting> StartCondition(const Condition& condition);
 
-  absl::Status Dark();                      // and waits for it; any thread
+  absl::Status Dark();  // and waits for it; any thread
   absl::Status HomeAll();
   absl::StatusOr<AxisState> MoveAxis(AxisId id, Angle target, double velocity_dps,
                                      absl::FunctionRef<bool()> cancelled);
@@ -87,12 +89,15 @@ class Rig {
   Rig(const RigFile& file, Clock& clock);
   absl::Status OpenDevices();
   absl::Status CheckRunningLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(gate_);
-  Axis* mutable_axis(AxisId id) { return id == AxisId::kTurntable ? turntable_.get() : tilt_.get(); }
+  Axis* mutable_axis(AxisId id) {
+    return id == AxisId::kTurntable ? turntable_.get() : tilt_.get();
+  }
   absl::Status HomeAxis(AxisId id);
   absl::Status StopDevices();
   void StoreAxis(AxisId id, const AxisState& state);
   void KeepLit();  // refreshes the lamps' time-to-dark as long as one is on
-  absl::Status WaitAxis(AxisId id, Pending<AxisState>& pending, TimePoint deadline, std::string_view what);
+  absl::Status WaitAxis(AxisId id, Pending<AxisState>& pending, TimePoint deadline,
+                        std::string_view what);
 
   const RigFile& file_;
   Clock& clock_;

@@ -42,11 +42,10 @@ absl::StatusOr<std::string> Control::Acquire(std::string owner, std::string note
   }
   MutexLock lock(&mutex_);
   if (!token_.empty() || ending_) {
-    return Error(
-        absl::StatusCode::kFailedPrecondition, "CONTROL_HELD",
-        absl::StrFormat("control is held by %s%s%s; ask them, or wait until they are done", owner_,
-                        note_.empty() ? "" : ": ", note_),
-        {{"owner", owner_}, {"note", note_}});
+    return Error(absl::StatusCode::kFailedPrecondition, "CONTROL_HELD",
+                 absl::StrFormat("control is held by %s%s%s; ask them, or wait until they are done",
+                                 owner_, note_.empty() ? "" : ": ", note_),
+                 {{"owner", owner_}, {"note", note_}});
   }
   token_ = NewToken();
   owner_ = std::move(owner);
@@ -111,8 +110,8 @@ std::optional<Control::Holder> Control::holder() const {
   MutexLock lock(&mutex_);
   if (token_.empty()) return std::nullopt;
   return Holder{owner_, note_,
-                clock_.WallNow() + std::chrono::duration_cast<std::chrono::microseconds>(
-                                       expires_ - clock_.Now())};
+                clock_.WallNow() +
+                    std::chrono::duration_cast<std::chrono::microseconds>(expires_ - clock_.Now())};
 }
 
 void Control::WatchExpiry() {

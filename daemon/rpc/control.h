@@ -9,8 +9,8 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
-#include "base/mutex.h"
 #include "base/clock.h"
+#include "base/mutex.h"
 
 namespace lightstage::rpc {
 

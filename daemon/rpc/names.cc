@@ -17,11 +17,12 @@ absl::StatusOr<std::string> RunId(const std::string& name) {
   });
   if (plain) return id;
   return Error(absl::StatusCode::kInvalidArgument, "RESOURCE_NAME",
-               absl::StrFormat("'%s' is not the name of a run; runs/ID is", name), {{"name", name}});
+               absl::StrFormat("'%s' is not the name of a run; runs/ID is", name),
+               {{"name", name}});
 }
 
-absl::StatusOr<Page> PageOf(uint64_t size, int32_t page_size, int32_t default_size, int32_t max_size,
-                            const std::string& token) {
+absl::StatusOr<Page> PageOf(uint64_t size, int32_t page_size, int32_t default_size,
+                            int32_t max_size, const std::string& token) {
   if (page_size < 0) {
     return Error(absl::StatusCode::kInvalidArgument, "PAGE_SIZE",
                  absl::StrFormat("page_size is %d; it must be in [0, %d]", page_size, max_size),

@@ -18,8 +18,8 @@ struct Page {
   uint64_t first = 0, last = 0;
   std::string next_token;  // empty on the last page
 };
-absl::StatusOr<Page> PageOf(uint64_t size, int32_t page_size, int32_t default_size, int32_t max_size,
-                            const std::string& token);
+absl::StatusOr<Page> PageOf(uint64_t size, int32_t page_size, int32_t default_size,
+                            int32_t max_size, const std::string& token);
 
 // [0.02, 60] s, 0: 0.1 s. WATCH_INTERVAL.
 absl::StatusOr<Duration> WatchInterval(double seconds);

@@ -32,7 +32,8 @@ v1::AxisState ToMessage(AxisId id, const AxisState& state) {
   return message;
 }
 
-void AddLit(const std::vector<float>& levels, google::protobuf::RepeatedPtrField<v1::LampLevel>* lit) {
+void AddLit(const std::vector<float>& levels,
+            google::protobuf::RepeatedPtrField<v1::LampLevel>* lit) {
   for (size_t i = 0; i < levels.size(); ++i) {
     if (levels[i] == 0) continue;  // NaN, a lamp that did not confirm, is shown
     v1::LampLevel* lamp = lit->Add();
@@ -53,8 +54,7 @@ v1::Device ToMessage(const DeviceIdentity& identity, v1::DeviceKind kind) {
 
 }  // namespace
 
-RigService::RigService(Rig& rig, const RigFacts& facts, Control& control,
-                       RunManager& runs)
+RigService::RigService(Rig& rig, const RigFacts& facts, Control& control, RunManager& runs)
     : rig_(rig), facts_(facts), control_(control), runs_(runs) {}
 
 // ---- Looking
@@ -220,9 +220,10 @@ grpc::Status RigService::MoveAxis(grpc::ServerContext* context, const v1::MoveAx
                                   v1::MoveAxisResponse* response) {
   return ToGrpc(Manually(request->control_token(), [&]() -> absl::Status {
     if (request->axis() != v1::AXIS_ID_TURNTABLE && request->axis() != v1::AXIS_ID_TILT) {
-      return Error(absl::StatusCode::kInvalidArgument, "AXIS_UNKNOWN",
-                   absl::StrFormat("axis %d: TURNTABLE (1) and TILT (2) are known", request->axis()),
-                   {{"axis", absl::StrCat(request->axis())}});
+      return Error(
+          absl::StatusCode::kInvalidArgument, "AXIS_UNKNOWN",
+          absl::StrFormat("axis %d: TURNTABLE (1) and TILT (2) are known", request->axis()),
+          {{"axis", absl::StrCat(request->axis())}});
     }
     AxisId id = request->axis() == v1::AXIS_ID_TURNTABLE ? AxisId::kTurntable : AxisId::kTilt;
     double velocity = request->velocity_dps();
@@ -310,8 +311,7 @@ grpc::Status RigService::Snap(grpc::ServerContext*, const v1::SnapRequest* reque
     RETURN_IF_ERROR(disarmed);
     raw.frames = *std::move(frames);
     raw.exposures = ExposureRecords(raw.shot.exposures, raw.frames);
-    ASSIGN_OR_RETURN(Developed developed,
-                     Develop(raw, rig_.file().develop, rig_.file().geometry));
+    ASSIGN_OR_RETURN(Developed developed, Develop(raw, rig_.file().develop, rig_.file().geometry));
     checks = developed.checks;
     ASSIGN_OR_RETURN(ExrCompression compression, ParseExrCompression(facts_.compression));
     FrameAttributes attributes{.rig_name = rig_.file().name,
@@ -336,9 +336,9 @@ grpc::Status RigService::Snap(grpc::ServerContext*, const v1::SnapRequest* reque
 grpc::Status RigService::StopRig(grpc::ServerContext*, const v1::StopRigRequest* request,
                                  v1::StopRigResponse* response) {
   std::string note = request->note().substr(0, 500);
-  absl::Status reason = Error(absl::StatusCode::kAborted, "STOP_ASKED",
-                              note.empty() ? "stop was asked for" : absl::StrCat("stop: ", note),
-                              {{"note", note}});
+  absl::Status reason =
+      Error(absl::StatusCode::kAborted, "STOP_ASKED",
+            note.empty() ? "stop was asked for" : absl::StrCat("stop: ", note), {{"note", note}});
   // The run first: it must not take the stop for a fault that a reset a moment later has mended.
   runs_.HoldActive(reason);
   absl::Status stopped = rig_.Stop(reason);

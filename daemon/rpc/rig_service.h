@@ -6,8 +6,8 @@
 
 #include "daemon/capture/rig_facts.h"
 #include "daemon/rig/rig.h"
-#include "daemon/runs/run_manager.h"
 #include "daemon/rpc/control.h"
+#include "daemon/runs/run_manager.h"
 #include "lightstage/v1/rig.grpc.pb.h"
 
 namespace lightstage::rpc {

@@ -191,8 +191,8 @@ grpc::Status RunService::ListShots(grpc::ServerContext*, const v1::ListShotsRequ
   auto listed = [&]() -> absl::Status {
     ASSIGN_OR_RETURN(std::string id, RunId(request->parent()));
     ASSIGN_OR_RETURN(auto folder, runs_.Folder(id));
-    ASSIGN_OR_RETURN(Page page, PageOf(folder->count(), request->page_size(), 100, 1000,
-                                       request->page_token()));
+    ASSIGN_OR_RETURN(
+        Page page, PageOf(folder->count(), request->page_size(), 100, 1000, request->page_token()));
     for (const ShotRecord& record : folder->Records(page.first, page.last - page.first))
       *response->add_shots() = rpc::ToMessage(record);
     response->set_next_page_token(page.next_token);
@@ -240,8 +240,8 @@ grpc::Status RunService::ListFiles(grpc::ServerContext*, const v1::ListFilesRequ
     ASSIGN_OR_RETURN(std::string id, RunId(request->parent()));
     ASSIGN_OR_RETURN(auto folder, runs_.Folder(id));
     ASSIGN_OR_RETURN(auto files, folder->ListFiles());
-    ASSIGN_OR_RETURN(Page page, PageOf(files.size(), request->page_size(), 1000, 10000,
-                                       request->page_token()));
+    ASSIGN_OR_RETURN(
+        Page page, PageOf(files.size(), request->page_size(), 1000, 10000, request->page_token()));
     std::map<std::string, std::string> sums;
     for (const ShotRecord& record : folder->Records(0, folder->count()))
       sums.emplace(record.file, record.sha256);
@@ -274,8 +274,9 @@ grpc::Status RunService::ReadFile(grpc::ServerContext*, const v1::ReadFileReques
                         {{"offset", absl::StrCat(request->offset())}, {"path", request->path()}}));
   }
   auto size = static_cast<int64_t>(bytes->size());
-  WriteChunks<v1::ReadFileResponse>(*writer, std::string_view(*bytes).substr(request->offset()),
-                                    [&](v1::ReadFileResponse& first) { first.set_total_bytes(size); });
+  WriteChunks<v1::ReadFileResponse>(
+      *writer, std::string_view(*bytes).substr(request->offset()),
+      [&](v1::ReadFileResponse& first) { first.set_total_bytes(size); });
   return grpc::Status::OK;
 }
 

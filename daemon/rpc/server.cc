@@ -61,8 +61,8 @@ absl::Status ClearSocket(const std::string& address, const std::string& path) {
 absl::Status CheckTcp(const std::string& address) {
   size_t colon = address.rfind(':');
   int port = -1;
-  if (colon == std::string::npos || !absl::SimpleAtoi(address.substr(colon + 1), &port) || port < 0 ||
-      port > 65535) {
+  if (colon == std::string::npos || !absl::SimpleAtoi(address.substr(colon + 1), &port) ||
+      port < 0 || port > 65535) {
     return AddressInvalid(address, "unix:PATH, 127.0.0.1:PORT or [::1]:PORT is needed");
   }
   std::string host = address.substr(0, colon);

@@ -40,6 +40,11 @@ double BlockDifference(const Image& a, const Image& b) {
   return total > 0 ? difference / total : 0;
 }
 
+// When a run began and ended is told in real time, also where its shots' times are virtual.
+WallTime RealNow() {
+  return std::chrono::time_point_cast<std::chrono::microseconds>(absl::ToChronoTime(absl::Now()));
+}
+
 absl::Status NotActive(const std::string& id, RunState state, std::string_view what) {
   return Error(absl::StatusCode::kFailedPrecondition, "RUN_STATE",
                absl::StrFormat("cannot %s run %s: it is %s", std::string(what), id,
@@ -63,10 +68,10 @@ absl::StatusOr<std::string> RunManager::Start(const Plan& plan, std::string name
   ASSIGN_OR_RETURN(ResolvedPlan resolved, ResolvePlan(plan, facts_));
   ASSIGN_OR_RETURN(Estimate estimate, EstimatePlan(resolved.plan, facts_));
   if (name.size() > 200) {
-    return Error(absl::StatusCode::kInvalidArgument, "NAME_TOO_LONG",
-                 absl::StrFormat("the run's name has %d characters, at most 200 are possible",
-                                 name.size()),
-                 {{"length", absl::StrCat(name.size())}});
+    return Error(
+        absl::StatusCode::kInvalidArgument, "NAME_TOO_LONG",
+        absl::StrFormat("the run's name has %d characters, at most 200 are possible", name.size()),
+        {{"length", absl::StrCat(name.size())}});
   }
   RETURN_IF_ERROR(CheckRoom(env_, data_.path(), estimate.bytes));
 
@@ -87,10 +92,7 @@ absl::StatusOr<std::string> RunManager::Start(const Plan& plan, std::string name
   auto plan_json = plan_text_.write(resolved.plan);
   if (plan_json.ok()) {
     header.plan_json = *plan_json;
-    // Ids are made of wall time, which stands still at its epoch on a virtual clock.
-    auto folder = data_.CreateRun(
-        header, rig_.file().text,
-        std::chrono::time_point_cast<std::chrono::microseconds>(absl::ToChronoTime(absl::Now())));
+    auto folder = data_.CreateRun(header, rig_.file().text, RealNow());
     if (folder.ok()) {
       id = (*folder)->header().id;
       launched = Launch(*std::move(folder), resolved.plan, std::nullopt);
@@ -111,7 +113,7 @@ absl::Status RunManager::Launch(std::shared_ptr<RunFolder> folder, const Plan& p
                                 std::optional<Engine::Resumption> resumption) {
   const RigFile& file = rig_.file();
   ASSIGN_OR_RETURN(ExrCompression compression, ParseExrCompression(folder->header().compression));
-  RETURN_IF_ERROR(folder->AppendState(RunState::kRunning, absl::OkStatus(), rig_.clock().WallNow()));
+  RETURN_IF_ERROR(folder->AppendState(RunState::kRunning, absl::OkStatus(), RealNow()));
 
   auto active = std::make_shared<Active>();
   Active* a = active.get();
@@ -129,10 +131,11 @@ absl::Status RunManager::Launch(std::shared_ptr<RunFolder> folder, const Plan& p
       a->running_since = absl::Now();
       a->done_then = a->folder->count();
     }
-    absl::Status kept = a->folder->AppendState(state, reason, rig_.clock().WallNow());
+    absl::Status kept = a->folder->AppendState(state, reason, RealNow());
     // The records are what a run is made of; a lost state is found INTERRUPTED at the next start.
     if (!kept.ok())
-      spdlog::error("run {}: state {} not recorded: {}", a->id, RunStateName(state), MessageOf(kept));
+      spdlog::error("run {}: state {} not recorded: {}", a->id, RunStateName(state),
+                    MessageOf(kept));
   };
   hooks.finish = [a] { return Finish(*a->folder); };
   a->engine = std::make_unique<Engine>(
@@ -181,13 +184,15 @@ absl::Status RunManager::Pause(const std::string& id) {
 }
 
 absl::Status RunManager::Resume(const std::string& id) {
-  if (auto active = ActiveRun(id); active && active->engine->progress().state != RunState::kInterrupted)
+  if (auto active = ActiveRun(id);
+      active && active->engine->progress().state != RunState::kInterrupted)
     return active->engine->Resume();
   MutexLock launching(&launch_mutex_);
   ASSIGN_OR_RETURN(RunView run, Get(id));
   if (!NextState(run.state, RunEvent::kResume).ok()) return NotActive(id, run.state, "resume");
   ASSIGN_OR_RETURN(std::unique_ptr<RunFolder> folder, data_.OpenRun(id));
-  ASSIGN_OR_RETURN(std::string rig_text, env_.ReadFile(absl::StrCat(folder->path(), "/", kRigFile)));
+  ASSIGN_OR_RETURN(std::string rig_text,
+                   env_.ReadFile(absl::StrCat(folder->path(), "/", kRigFile)));
   if (rig_text != rig_.file().text) {
     return Error(absl::StatusCode::kFailedPrecondition, "RIG_CHANGED",
                  absl::StrFormat("run %s was begun with another rig file; start the daemon with "
@@ -232,24 +237,25 @@ absl::Status RunManager::CompareReference(const RunFolder& folder, const ShotRec
   double difference = BlockDifference(now.image.pixels, then.image.pixels);
   spdlog::info("run: reference {} differs by {:.4f}", stored.file, difference);
   if (difference <= kReferenceTolerance) return absl::OkStatus();
-  return Error(absl::StatusCode::kFailedPrecondition, "REFERENCE_CHANGED",
-               absl::StrFormat("a new picture of %s differs from the stored one by %.1f %% (at most "
-                               "%.1f %%): has the camera, the object or a light changed? Resume "
-                               "again to go on regardless",
-                               stored.file, 100 * difference, 100 * kReferenceTolerance),
-               {{"file", stored.file}, {"difference", absl::StrCat(difference)}});
+  return Error(
+      absl::StatusCode::kFailedPrecondition, "REFERENCE_CHANGED",
+      absl::StrFormat("a new picture of %s differs from the stored one by %.1f %% (at most "
+                      "%.1f %%): has the camera, the object or a light changed? Resume "
+                      "again to go on regardless",
+                      stored.file, 100 * difference, 100 * kReferenceTolerance),
+      {{"file", stored.file}, {"difference", absl::StrCat(difference)}});
 }
 
 absl::Status RunManager::Cancel(const std::string& id) {
-  if (auto active = ActiveRun(id); active && active->engine->progress().state != RunState::kInterrupted)
+  if (auto active = ActiveRun(id);
+      active && active->engine->progress().state != RunState::kInterrupted)
     return active->engine->Cancel();
   MutexLock launching(&launch_mutex_);
   ASSIGN_OR_RETURN(RunView run, Get(id));
   if (!NextState(run.state, RunEvent::kCancel).ok()) return NotActive(id, run.state, "cancel");
   ASSIGN_OR_RETURN(std::unique_ptr<RunFolder> folder, data_.OpenRun(id));
   RETURN_IF_ERROR(folder->PrepareToAppend());
-  RETURN_IF_ERROR(
-      folder->AppendState(RunState::kCancelled, absl::OkStatus(), rig_.clock().WallNow()));
+  RETURN_IF_ERROR(folder->AppendState(RunState::kCancelled, absl::OkStatus(), RealNow()));
   MutexLock lock(&mutex_);
   past_.erase(id);
   last_opened_.reset();

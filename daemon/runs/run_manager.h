@@ -106,9 +106,11 @@ class RunManager {
 
   Mutex launch_mutex_;  // before mutex_: one start, resume or cancel of a past run at a time
   mutable Mutex mutex_;
-  std::shared_ptr<Active> active_ ABSL_GUARDED_BY(mutex_);  // shared: calls on it may outlast the run
-  std::map<std::string, RunView> past_ ABSL_GUARDED_BY(mutex_);     // what does not change any more
-  std::shared_ptr<RunFolder> last_opened_ ABSL_GUARDED_BY(mutex_);  // of a past run: reading one run means many calls
+  std::shared_ptr<Active> active_
+      ABSL_GUARDED_BY(mutex_);  // shared: calls on it may outlast the run
+  std::map<std::string, RunView> past_ ABSL_GUARDED_BY(mutex_);  // what does not change any more
+  std::shared_ptr<RunFolder> last_opened_
+      ABSL_GUARDED_BY(mutex_);  // of a past run: reading one run means many calls
 };
 
 }  // namespace lightstage

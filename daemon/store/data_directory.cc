@@ -75,7 +75,7 @@ absl::StatusOr<std::vector<std::string>> DataDirectory::ListRuns() const {
 absl::StatusOr<std::unique_ptr<RunFolder>> DataDirectory::CreateRun(RunHeader header,
                                                                     std::string_view rig_text,
                                                                     WallTime created) {
-  absl::MutexLock lock(&create_mutex_);
+  MutexLock lock(&create_mutex_);
   std::string stem =
       absl::FormatTime("%Y%m%d-%H%M%S", absl::FromChrono(created), absl::UTCTimeZone());
   header.id = stem;

@@ -39,7 +39,7 @@ class DataDirectory {
   Env& env_;
   const std::string path_;
   const std::unique_ptr<FileLock> lock_;
-  absl::Mutex create_mutex_;  // two runs created in one second must not get one id
+  Mutex create_mutex_;  // two runs created in one second must not get one id
 };
 
 }  // namespace lightstage

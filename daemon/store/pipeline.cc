@@ -50,14 +50,14 @@ Pipeline::~Pipeline() {
 
 void Pipeline::Put(RawShot shot) {
   {
-    absl::MutexLock lock(&mutex_);
+    MutexLock lock(&mutex_);
     ++outstanding_;
   }
   raw_.Push(std::move(shot));
 }
 
 void Pipeline::Drain() {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   while (outstanding_ > 0) drained_.Wait(&mutex_);
 }
 
@@ -67,7 +67,7 @@ void Pipeline::Report(uint64_t shot_id, absl::StatusOr<ShotRecord> record) {
                   std::string(record.status().message()));
   }
   outcome_({shot_id, std::move(record)});
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   if (--outstanding_ == 0) drained_.SignalAll();
 }
 

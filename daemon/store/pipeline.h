@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
-#include "absl/synchronization/mutex.h"
+#include "base/mutex.h"
 #include "base/queue.h"
 #include "daemon/develop/develop.h"
 #include "daemon/engine/shot_sink.h"
@@ -53,8 +53,8 @@ class Pipeline final : public ShotSink {
   const OutcomeFn outcome_;
   BoundedQueue<RawShot> raw_;
   BoundedQueue<ShotRecord> written_;  // files in place, not durable yet
-  absl::Mutex mutex_;
-  absl::CondVar drained_;
+  Mutex mutex_;
+  CondVar drained_;
   uint64_t outstanding_ ABSL_GUARDED_BY(mutex_) = 0;
   std::vector<std::thread> workers_;
   std::thread committer_;

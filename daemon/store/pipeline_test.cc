@@ -191,15 +191,16 @@ TEST_F(PipelineTest, DevelopErrorsAndWrongShapesAreOutcomes) {
 }
 
 TEST_F(PipelineTest, PutWaitsWhileTheQueueIsFull) {
-  absl::Mutex mutex;
+  Mutex mutex;
+  CondVar went;
   bool go = false;
   std::atomic<int> put = 0;
   Outcomes outcomes;
   Pipeline pipeline(
       *run_,
       [&](const RawShot& raw) {
-        absl::MutexLock lock(&mutex);
-        mutex.Await(absl::Condition(&go));
+        MutexLock lock(&mutex);
+        while (!go) went.Wait(&mutex);
         return TestDevelop(raw);
       },
       {.workers = 1, .queue_shots = 2}, outcomes.fn());
@@ -213,8 +214,9 @@ TEST_F(PipelineTest, PutWaitsWhileTheQueueIsFull) {
   absl::SleepFor(absl::Milliseconds(20));
   EXPECT_EQ(put, 3);  // one with the worker, two waiting
   {
-    absl::MutexLock lock(&mutex);
+    MutexLock lock(&mutex);
     go = true;
+    went.SignalAll();
   }
   producer.join();
   pipeline.Drain();

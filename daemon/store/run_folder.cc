@@ -93,8 +93,8 @@ absl::StatusOr<std::unique_ptr<RunFolder>> RunFolder::Open(Env& env, const std::
 absl::Status RunFolder::Load() {
   std::string file = Join(path_, kJournalFile);
   ASSIGN_OR_RETURN(std::string text, env_.ReadFile(file));
-  absl::MutexLock append_lock(&append_mutex_);
-  absl::MutexLock lock(&mutex_);
+  MutexLock append_lock(&append_mutex_);
+  MutexLock lock(&mutex_);
   state_.at = header_.created_at;
   JournalScan scan = ScanJournal(text, file, [this](std::string_view payload) {
     mutex_.AssertHeld();
@@ -157,8 +157,8 @@ void RunFolder::TakeRecord(ShotRecord record) {
 }
 
 absl::Status RunFolder::PrepareToAppend() {
-  absl::MutexLock append_lock(&append_mutex_);
-  absl::MutexLock lock(&mutex_);
+  MutexLock append_lock(&append_mutex_);
+  MutexLock lock(&mutex_);
   if (appending_) return absl::OkStatus();
   if (!damage_.ok()) {
     return Annotate(damage_, absl::StrCat("run ", header_.id, " cannot be continued"));
@@ -229,7 +229,7 @@ absl::Status RunFolder::AppendDurably(std::string_view lines) {
 }
 
 absl::Status RunFolder::AppendRecords(const std::vector<ShotRecord>& records) {
-  absl::MutexLock append_lock(&append_mutex_);
+  MutexLock append_lock(&append_mutex_);
   std::string lines;
   for (size_t i = 0; i < records.size(); ++i) {
     uint64_t id = records[i].shot.id;
@@ -243,47 +243,47 @@ absl::Status RunFolder::AppendRecords(const std::vector<ShotRecord>& records) {
     lines += RecordLine(records[i]);
   }
   RETURN_IF_ERROR(AppendDurably(lines));
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   for (const ShotRecord& record : records) TakeRecord(record);
   return absl::OkStatus();
 }
 
 absl::Status RunFolder::AppendState(RunState state, const absl::Status& reason, WallTime at) {
   StoredState stored{state, reason, FormatUtc(at)};
-  absl::MutexLock append_lock(&append_mutex_);
+  MutexLock append_lock(&append_mutex_);
   RETURN_IF_ERROR(AppendDurably(StateLine(state, reason, stored.at)));
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   state_ = std::move(stored);
   return absl::OkStatus();
 }
 
 absl::Status RunFolder::damage() const {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   return damage_;
 }
 
 uint64_t RunFolder::torn_bytes() const {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   return torn_bytes_;
 }
 
 bool RunFolder::appending() const {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   return appending_;
 }
 
 StoredState RunFolder::state() const {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   return state_;
 }
 
 RunTotals RunFolder::totals() const {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   return totals_;
 }
 
 std::vector<ShotRecord> RunFolder::Records(uint64_t first, uint64_t most) const {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   if (first >= records_.size()) return {};
   auto begin = records_.begin() + static_cast<ptrdiff_t>(first);
   uint64_t count = std::min<uint64_t>(most, records_.size() - first);
@@ -291,12 +291,12 @@ std::vector<ShotRecord> RunFolder::Records(uint64_t first, uint64_t most) const 
 }
 
 bool RunFolder::HasRecord(uint64_t shot_id) const {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   return by_id_.count(shot_id) > 0;
 }
 
 std::optional<ShotRecord> RunFolder::LastReference() const {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   if (!last_reference_) return std::nullopt;
   return records_[*last_reference_];
 }
@@ -304,7 +304,7 @@ std::optional<ShotRecord> RunFolder::LastReference() const {
 uint64_t RunFolder::count() const { return totals().records; }
 
 absl::StatusOr<ShotRecord> RunFolder::Find(uint64_t shot_id) const {
-  absl::MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
   auto it = by_id_.find(shot_id);
   if (it == by_id_.end()) {
     return Error(absl::StatusCode::kNotFound, "SHOT_NOT_DONE",

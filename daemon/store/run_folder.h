@@ -13,9 +13,9 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
-#include "absl/synchronization/mutex.h"
 #include "base/clock.h"
 #include "base/env.h"
+#include "base/mutex.h"
 #include "daemon/capture/program.h"
 #include "daemon/engine/run_state.h"
 #include "daemon/store/run_header.h"
@@ -105,13 +105,13 @@ class RunFolder final : public Results {
   const RunHeader header_;
 
   // Held during disk writes, so that readers (mutex_) never wait for a disk. Before mutex_.
-  mutable absl::Mutex append_mutex_ ABSL_ACQUIRED_BEFORE(mutex_);
+  mutable Mutex append_mutex_ ABSL_ACQUIRED_BEFORE(mutex_);
   std::unique_ptr<AppendFile> journal_ ABSL_GUARDED_BY(append_mutex_);
   uint64_t journal_bytes_ ABSL_GUARDED_BY(append_mutex_) = 0;  // durable ones
   bool journal_dirty_ ABSL_GUARDED_BY(append_mutex_) =
       false;  // an append failed: cut back before the next
 
-  mutable absl::Mutex mutex_;
+  mutable Mutex mutex_;
   absl::Status damage_ ABSL_GUARDED_BY(mutex_);
   uint64_t torn_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
   bool appending_ ABSL_GUARDED_BY(mutex_) = false;

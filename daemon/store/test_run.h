@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "absl/synchronization/mutex.h"
 #include "base/env.h"
+#include "base/mutex.h"
 #include "daemon/store/data_directory.h"
 #include "daemon/store/pipeline.h"
 #include "gtest/gtest.h"
@@ -85,17 +85,17 @@ class Outcomes {
  public:
   ShotSink::OutcomeFn fn() {
     return [this](ShotOutcome outcome) {
-      absl::MutexLock lock(&mutex_);
+      MutexLock lock(&mutex_);
       all_.push_back(std::move(outcome));
     };
   }
   std::vector<ShotOutcome> Take() {
-    absl::MutexLock lock(&mutex_);
+    MutexLock lock(&mutex_);
     return std::exchange(all_, {});
   }
 
  private:
-  absl::Mutex mutex_;
+  Mutex mutex_;
   std::vector<ShotOutcome> all_ ABSL_GUARDED_BY(mutex_);
 };
 

@@ -16,7 +16,8 @@ Angle MoveDistance(const AxisInfo& info, Angle from, Angle to) {
 Duration MoveDuration(const AxisInfo& info, Angle from, Angle to, double velocity_dps) {
   double distance = std::abs(MoveDistance(info, from, to).degrees());
   if (distance == 0) return Duration::zero();
-  double v = velocity_dps > 0 ? std::min(velocity_dps, info.max_velocity_dps) : info.max_velocity_dps;
+  double v =
+      velocity_dps > 0 ? std::min(velocity_dps, info.max_velocity_dps) : info.max_velocity_dps;
   double a = info.max_acceleration_dps2;
   double ramps = v * v / a;  // way covered while speeding up and slowing down
   double t = distance >= ramps ? distance / v + v / a : 2 * std::sqrt(distance / a);
@@ -30,10 +31,10 @@ absl::Status CheckTarget(const AxisInfo& info, Angle target) {
   std::string limits =
       info.continuous ? std::string("any finite angle")
                       : absl::StrFormat("[%g, %g] deg", info.min.degrees(), info.max.degrees());
-  return Error(absl::StatusCode::kOutOfRange, "AXIS_LIMIT",
-               absl::StrFormat("%s: target %g deg is outside its limits: %s", info.identity.name, t,
-                               limits),
-               {{"axis", info.identity.name}, {"target_deg", absl::StrCat(t)}, {"limits", limits}});
+  return Error(
+      absl::StatusCode::kOutOfRange, "AXIS_LIMIT",
+      absl::StrFormat("%s: target %g deg is outside its limits: %s", info.identity.name, t, limits),
+      {{"axis", info.identity.name}, {"target_deg", absl::StrCat(t)}, {"limits", limits}});
 }
 
 }  // namespace lightstage

@@ -11,13 +11,25 @@
 namespace lightstage {
 
 // Names follow GenICam's Pixel Format Naming Convention. 16-bit samples are little-endian in the low bits of 16.
-enum class PixelFormat { kMono8, kMono16, kBayerRG8, kBayerGR8, kBayerGB8, kBayerBG8,
-                         kBayerRG16, kBayerGR16, kBayerGB16, kBayerBG16, kRGB8, kRGB16 };
+enum class PixelFormat {
+  kMono8,
+  kMono16,
+  kBayerRG8,
+  kBayerGR8,
+  kBayerGB8,
+  kBayerBG8,
+  kBayerRG16,
+  kBayerGR16,
+  kBayerGB16,
+  kBayerBG16,
+  kRGB8,
+  kRGB16
+};
 
-std::string_view PixelFormatName(PixelFormat format);                        // "Mono8", "BayerRG16", …
+std::string_view PixelFormatName(PixelFormat format);  // "Mono8", "BayerRG16", …
 absl::StatusOr<PixelFormat> ParsePixelFormat(std::string_view name);
-int BytesPerSample(PixelFormat format);                                      // 1 or 2
-int SamplesPerPixel(PixelFormat format);                                     // 3 for RGB, else 1
+int BytesPerSample(PixelFormat format);   // 1 or 2
+int SamplesPerPixel(PixelFormat format);  // 3 for RGB, else 1
 bool IsBayer(PixelFormat format);
 
 struct CameraInfo {
@@ -27,7 +39,7 @@ struct CameraInfo {
   Duration min_exposure{}, max_exposure{};
   Duration exposure_step{};  // granularity; 0 if unknown
   double min_gain_db = 0, max_gain_db = 0;
-  Duration readout{};        // from exposure end until it can expose again, full frame
+  Duration readout{};  // from exposure end until it can expose again, full frame
 };
 
 struct CameraConfig {
@@ -38,9 +50,9 @@ struct CameraConfig {
 };
 
 enum class ConfigVerdict {
-  kValid,     // taken as asked
+  kValid,  // taken as asked
   kAdjusted,  // usable after the changes listed in `notes`; `config` is what the camera would really do
-  kInvalid,   // cannot be made to work; `notes` say why
+  kInvalid,  // cannot be made to work; `notes` say why
 };
 
 struct ConfigResult {
@@ -60,10 +72,10 @@ struct ExposureResult {
 struct Frame {
   PixelFormat format = PixelFormat::kMono8;
   int width = 0, height = 0;
-  int significant_bits = 8;     // full scale is 2^significant_bits − 1
-  std::vector<std::byte> data;  // rows without padding, top first
-  Duration exposure{};          // really used
-  double gain_db = 0;           // really used
+  int significant_bits = 8;                    // full scale is 2^significant_bits − 1
+  std::vector<std::byte> data;                 // rows without padding, top first
+  Duration exposure{};                         // really used
+  double gain_db = 0;                          // really used
   TimePoint exposure_start{}, exposure_end{};  // rig clock, as well as the driver can tell
   int64_t device_timestamp_ns = 0;             // the camera's own clock
   uint64_t sequence = 0;                       // the camera's own frame count
@@ -95,8 +107,8 @@ class Camera {
   // are here; each exactly once, in that order; a failed exposure fails both. A trigger before the last frame is ready is
   // FAILED_PRECONDITION / CAMERA_BUSY. Errors: DATA_LOSS / FRAME_INCOMPLETE, DEADLINE_EXCEEDED / DEVICE_SILENT,
   // UNAVAILABLE / DEVICE_LOST.
-  virtual void Trigger(Duration exposure, TimePoint deadline, Completion<ExposureEnd> exposure_ended,
-                       Completion<Frame> frame_ready) = 0;
+  virtual void Trigger(Duration exposure, TimePoint deadline,
+                       Completion<ExposureEnd> exposure_ended, Completion<Frame> frame_ready) = 0;
 
   // Any thread. Ends the stream; what is outstanding completes with CANCELLED.
   virtual void Disarm(TimePoint deadline, Completion<CameraConfig> done) = 0;

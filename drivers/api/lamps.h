@@ -9,10 +9,12 @@ namespace lightstage {
 
 struct LampsInfo {
   DeviceIdentity identity;
-  int count = 0;                   // lamps 0 … count−1
-  int steps = 0;                   // distinct levels above dark: 1 for relays, 255 for 8 bit, 0 if continuous
-  Duration settle{};               // from the command until the light is at its level; part of every Set and Dark
-  Duration max_time_to_dark{};     // longest the device's own dark-man timer can be set to; 0: it has none
+  int count = 0;  // lamps 0 … count−1
+  int steps = 0;  // distinct levels above dark: 1 for relays, 255 for 8 bit, 0 if continuous
+  Duration
+      settle{};  // from the command until the light is at its level; part of every Set and Dark
+  Duration
+      max_time_to_dark{};  // longest the device's own dark-man timer can be set to; 0: it has none
 };
 
 struct LampsState {

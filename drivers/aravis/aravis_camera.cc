@@ -87,12 +87,8 @@ void AravisCamera::FailAtDeadline(const std::shared_ptr<Outstanding>& operation,
                                   const char* what) {
   if (deadline == kNever) return;
   std::weak_ptr<Outstanding> weak = operation;
-  clock_.At(deadline, [weak, name = name_, what = std::string(what)] {
-    std::shared_ptr<Outstanding> late = weak.lock();
-    if (!late) return;
-    late->Fail(Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT",
-                     absl::StrFormat("%s: %s was not confirmed in time", name, what),
-                     {{"device", name}, {"operation", what}}));
+  clock_.At(deadline, [weak, error = LateError(what)] {
+    if (std::shared_ptr<Outstanding> late = weak.lock()) late->Fail(error);
   });
 }
 
@@ -115,6 +111,12 @@ void AravisCamera::FailAll(const absl::Status& status) {
     all = outstanding_;
   }
   for (const auto& operation : all) operation->Fail(status);
+}
+
+absl::Status AravisCamera::LateError(const char* what) const {
+  return Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT",
+               absl::StrFormat("%s: %s was not confirmed in time", name_, what),
+               {{"device", name_}, {"operation", what}});
 }
 
 absl::Status AravisCamera::LostError() const {
@@ -350,6 +352,10 @@ void AravisCamera::OnBuffer(uint64_t session) {
   std::shared_ptr<Shot> shot = std::move(active_);
   active_.reset();
   absl::StatusOr<Frame> frame = *std::move(taken);
+  if (clock_.Now() > shot->deadline) {
+    shot->Fail(LateError("the frame"));  // its timer has not come to it yet
+    return;
+  }
   if (frame.ok()) {
     last_sequence_ = frame->sequence += sequence_base_;
     frame->exposure = shot->used_exposure;

@@ -55,6 +55,7 @@ class AravisCamera final : public Camera {
   void FailAll(const absl::Status& status);
   void OnControlLost();
   absl::Status LostError() const;
+  absl::Status LateError(const char* what) const;
   absl::Status TriggerRefusalLocked(Duration exposure) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   // ---- The device's thread.

@@ -371,6 +371,7 @@ void DisarmCancelsTheExposure(CameraFixture& fixture) {
   CameraBench bench(fixture);
   if (!bench.Ready()) return;
   CameraBench::Shot shot = bench.Trigger(bench.LongExposure());
+  SleepFor(bench.clock(), milliseconds(50));
   absl::StatusOr<CameraConfig> disarmed = bench.Disarm();
   EXPECT_TRUE(disarmed.ok()) << disarmed.status();
   EXPECT_TRUE(shot.frame->done()) << "Disarm must complete what is outstanding first";
@@ -411,6 +412,7 @@ void DestructorCompletesTheExposure(CameraFixture& fixture) {
   CameraBench bench(fixture);
   if (!bench.Ready()) return;
   CameraBench::Shot shot = bench.Trigger(bench.LongExposure());
+  SleepFor(bench.clock(), milliseconds(50));
   bool busy = !shot.frame->done();
   bench.Close();  // checks that both were called, once
   if (busy && !shot.frame->result().ok()) {

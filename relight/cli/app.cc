@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "base/status.h"
 #include "base/version.h"
@@ -168,7 +169,12 @@ void Declare(CLI::App& app, Flags& flags, absl::StatusOr<Answer>& answer) {
   env->add_option("--png", flags.png, "The same for looking at, exposed automatically");
   env->add_option("--rotate", flags.rotate_deg,
                   "Turn the map about the vertical, degrees, counterclockwise from above")
-      ->check(CLI::Range(-360.0, 360.0));
+      ->check([](const std::string& text) {
+        double degrees = 0;  // not CLI::Range, which lets NaN pass
+        const bool right = absl::SimpleAtod(text, &degrees) && std::abs(degrees) <= 360;
+        return right ? std::string()
+                     : absl::StrCat("'", text, "' is not an angle from -360 to 360");
+      });
   env->callback([&] { answer = Env(flags); });
 
   CLI::App* sheet = app.add_subcommand("contact-sheet", "Basis images by light direction");
@@ -195,7 +201,7 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
   absl::StatusOr<Answer> answer = absl::UnknownError("no command ran");
   Declare(app, flags, answer);
   try {
-    app.parse({arguments.rbegin(), arguments.rend()});
+    app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));  // last one first
   } catch (const CLI::ParseError& e) {
     return app.exit(e, out, err) == 0 ? 0 : 2;
   }

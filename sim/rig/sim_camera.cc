@@ -181,22 +181,23 @@ void SimCamera::Trigger(Duration exposure, TimePoint deadline,
       const TimePoint now = timers_.clock().Now(), end = now + checked.exposure;
       const uint64_t number = ++shots_;
       const bool silent = world_->FaultDue(Operation::kTrigger);
-      shot_.emplace();
-      shot_->number = number;
-      shot_->start = now;
-      shot_->end = end;
-      shot_->config = config_;
-      shot_->ended = std::move(exposure_ended);
-      shot_->ready = std::move(frame_ready);
+      Shot shot;
+      shot.number = number;
+      shot.start = now;
+      shot.end = end;
+      shot.config = config_;
+      shot.ended = std::move(exposure_ended);
+      shot.ready = std::move(frame_ready);
       if (!silent) {
-        shot_->timers = {timers_.At(end, [this, number] { ExposureEnded(number); }),
-                         timers_.At(end + options_.readout, [this, number] { ReadOut(number); })};
+        shot.timers = {timers_.At(end, [this, number] { ExposureEnded(number); }),
+                       timers_.At(end + options_.readout, [this, number] { ReadOut(number); })};
       }
-      shot_->timers.push_back(timers_.At(deadline, [this, number] {
+      shot.timers.push_back(timers_.At(deadline, [this, number] {
         Abort(number, Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT",
                             absl::StrCat(info_.identity.name, " did not deliver its frame in time"),
                             {{"device", info_.identity.name}}));
       }));
+      shot_ = std::move(shot);
     }
   }
   if (!refused.ok()) {

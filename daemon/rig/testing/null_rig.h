@@ -42,9 +42,11 @@ inline std::unique_ptr<RigFile> NullRigFile(Clock& clock) {
   file->virtual_time = clock.is_virtual();
   file->geometry.brace.radius = Meters(1);
   for (int i = 0; i < 40; ++i)
-    file->geometry.brace.lamps.push_back({Degrees(i < 20 ? 0 : 180), Degrees(4.5 * (i % 20) + 2.25)});
+    file->geometry.brace.lamps.push_back(
+        {Degrees(i < 20 ? 0 : 180), Degrees(4.5 * (i % 20) + 2.25)});
   file->geometry.projector = {true, Meters(1), Degrees(0), Degrees(20), 64, 64};
-  file->limits = {Degrees(-720), Degrees(720), Degrees(0), Degrees(90), std::chrono::seconds(1), 8, 40};
+  file->limits = {
+      Degrees(-720), Degrees(720), Degrees(0), Degrees(90), std::chrono::seconds(1), 8, 40};
   file->camera_options.config = {PixelFormat::kMono8, 8, 6, 0};
   file->camera_options.exposures = {std::chrono::milliseconds(1)};
   file->engine.max_attempts = 3;
@@ -55,7 +57,8 @@ inline std::unique_ptr<RigFile> NullRigFile(Clock& clock) {
   file->store.compression = "piz";
   file->store.queue_shots = 8;
   file->camera = TableOf<Camera>(std::make_unique<NullCamera>(clock, 8, 6));
-  file->turntable = TableOf<Axis>(std::make_unique<NullAxis>(TestAxisInfo("turntable", true, 0, 360)));
+  file->turntable =
+      TableOf<Axis>(std::make_unique<NullAxis>(TestAxisInfo("turntable", true, 0, 360)));
   file->tilt = TableOf<Axis>(std::make_unique<NullAxis>(TestAxisInfo("tilt", false, 0, 90)));
   file->lamps = TableOf<Lamps>(std::make_unique<NullLamps>(40));
   file->projector = TableOf<Projector>(std::make_unique<NullProjector>(64, 64));

@@ -1,7 +1,10 @@
 #include "sim/peers/gige/camera_server.h"
 
+#include <arpa/inet.h>
 #include <arv.h>
+#include <netinet/in.h>
 #include <spdlog/spdlog.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <cstdlib>
@@ -24,6 +27,29 @@ constexpr double kTriggerHz = 200;
 // while it exposes.
 constexpr guint32 kHeartbeatTimeoutRegister = 0x0938;
 constexpr guint32 kHeartbeatTimeoutMs = 30000;
+
+constexpr int kControlPort = 3956;
+
+// The fake camera shares its port with any other one, so that each gets some of the packets: look before it starts.
+absl::Status CheckPortIsFree(const std::string& address) {
+  sockaddr_in at = {};
+  at.sin_family = AF_INET;
+  at.sin_port = htons(kControlPort);
+  if (inet_pton(AF_INET, address.c_str(), &at.sin_addr) != 1) {
+    return Error(absl::StatusCode::kInvalidArgument, "PEER_NOT_STARTED",
+                 absl::StrCat("'", address, "' is no IPv4 address to serve a camera on"),
+                 {{"address", address}});
+  }
+  int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  bool free = fd >= 0 && bind(fd, reinterpret_cast<sockaddr*>(&at), sizeof at) == 0;
+  int error = errno;
+  if (fd >= 0) close(fd);
+  if (free) return absl::OkStatus();
+  return Error(absl::StatusCode::kUnavailable, "PEER_NOT_STARTED",
+               absl::StrFormat("can not serve a GigE Vision camera on %s, UDP port %d: %s", address,
+                               kControlPort, std::strerror(error)),
+               {{"address", address}, {"port", absl::StrCat(kControlPort)}});
+}
 
 // libaravis reads the description from a file.
 absl::StatusOr<std::string> WriteDescription(const GigeCameraOptions& options) {
@@ -48,18 +74,17 @@ GigeCameraServer::GigeCameraServer(const GigeCameraOptions& options, std::shared
 
 absl::StatusOr<std::unique_ptr<GigeCameraServer>> GigeCameraServer::Start(
     const GigeCameraOptions& options, std::shared_ptr<World> world) {
+  RETURN_IF_ERROR(CheckPortIsFree(options.address));
   ASSIGN_OR_RETURN(std::string description, WriteDescription(options));
   std::unique_ptr<GigeCameraServer> server(new GigeCameraServer(options, std::move(world)));
-  server->camera_ = arv_gv_fake_camera_new_full(options.interface.c_str(), options.serial.c_str(),
+  server->camera_ = arv_gv_fake_camera_new_full(options.address.c_str(), options.serial.c_str(),
                                                 description.c_str());
   std::filesystem::remove(description);
   if (!arv_gv_fake_camera_is_running(server->camera_)) {
-    return Error(
-        absl::StatusCode::kUnavailable, "PEER_NOT_STARTED",
-        absl::StrFormat("can not serve a GigE Vision camera on '%s': no such interface, or "
-                        "its UDP port 3956 is in use",
-                        options.interface),
-        {{"interface", options.interface}, {"port", "3956"}});
+    return Error(absl::StatusCode::kUnavailable, "PEER_NOT_STARTED",
+                 absl::StrCat("can not serve a GigE Vision camera on ", options.address,
+                              ": no network interface has this address"),
+                 {{"address", options.address}});
   }
   ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(server->camera_);
   const struct {

@@ -18,8 +18,7 @@ typedef struct _ArvGvFakeCamera ArvGvFakeCamera;
 namespace lightstage::sim {
 
 struct GigeCameraOptions {
-  std::string interface =
-      "127.0.0.1";  // name or address of the network interface; the protocol's port is always 3956
+  std::string address = "127.0.0.1";  // IPv4, of the interface to serve on; port 3956
   std::string serial = "SIM01";
   int width = 0, height = 0;  // of the sensor, even
   int bits = 12;              // of a sample in the deep formats: 10, 12 or 16
@@ -30,7 +29,7 @@ class GigeCameraServer {
   // The camera does not answer while it exposes, and a client gives up control after 5 s without an answer.
   static constexpr Duration kMaxExposure = std::chrono::seconds(2);
 
-  // The world must be on real time. UNAVAILABLE / PEER_NOT_STARTED if the port is taken or there is no such interface.
+  // The world must be on real time. UNAVAILABLE / PEER_NOT_STARTED if the port is taken or no interface has the address.
   static absl::StatusOr<std::unique_ptr<GigeCameraServer>> Start(const GigeCameraOptions& options,
                                                                  std::shared_ptr<World> world);
   // Waits for the picture being made.

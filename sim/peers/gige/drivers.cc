@@ -45,7 +45,7 @@ class ServedCamera final : public Camera {
 
 GigeCameraOptions ParsePeer(const TomlTable& table) {
   GigeCameraOptions options;
-  options.interface = table.String("address");
+  options.address = table.String("address");
   options.serial = table.String("serial", options.serial);
   TomlTable peer = table.Table("peer");
   options.width = static_cast<int>(peer.Int("sensor_width", 2, 16384, 640));

@@ -1,0 +1,228 @@
+// kill -9 at any point of a capture: the next start lists the run as interrupted, resume completes it, and the finished set equals one
+// that was never interrupted: the same files, the same pixels, every shot once.
+#include <csignal>
+#include <random>
+#include <set>
+
+#include "dataset/basis_exr.h"
+#include "dataset/sha256.h"
+#include "gtest/gtest.h"
+#include "tests/harness/daemon.h"
+
+namespace lightstage {
+namespace {
+
+namespace fs = std::filesystem;
+
+// 4 x 6 basis images, 5 dark and 3 reference frames.
+const std::vector<std::string> kPlan = {"light-stage", "--azimuths",   "4", "--lamps",
+                                        "10-15",       "--dark-every", "6", "--reference-every",
+                                        "12"};
+constexpr int kShots = 32;
+
+// A finished set with what may differ between two captures taken out: the run's name, times, the cameras' counts, and the checksums, which
+// sum over these. They are checked here instead.
+struct Set {
+  Json manifest;
+  std::map<std::string, DecodedBasis> images;
+  std::map<std::string, std::string> texts;  // all other files
+};
+
+void MaskShot(Json& shot) {
+  for (const char* key : {"captured_at", "sha256", "bytes"}) {
+    EXPECT_TRUE(shot.contains(key)) << key << " in " << shot;
+    shot[key] = "masked";
+  }
+  for (Json& exposure : shot["exposures"]) {
+    for (const char* key : {"start_ns", "end_ns", "device_timestamp_ns", "frame_sequence"}) {
+      EXPECT_TRUE(exposure.contains(key)) << key << " in " << exposure;
+      exposure[key] = "masked";
+    }
+  }
+}
+
+Set ReadSet(const fs::path& run) {
+  Set set;
+  set.manifest = Json::parse(ReadText(run / "manifest.json"), nullptr, false);
+  EXPECT_TRUE(set.manifest.is_object());
+  std::set<int> ids;
+  for (Json& shot : set.manifest["shots"]) {
+    EXPECT_TRUE(ids.insert(shot["id"].get<int>()).second) << "twice: " << shot;
+    EXPECT_EQ(Sha256Hex(ReadText(run / shot["file"].get<std::string>())), shot["sha256"]);
+    MaskShot(shot);
+  }
+  EXPECT_EQ(ids.size(), static_cast<size_t>(kShots));
+  for (const char* key : {"run", "name", "created_at"}) {
+    EXPECT_TRUE(set.manifest.contains(key)) << key;
+    set.manifest[key] = "masked";
+  }
+  for (const auto& entry : fs::recursive_directory_iterator(run)) {
+    if (!entry.is_regular_file()) continue;
+    std::string name = fs::relative(entry.path(), run).string();
+    if (name.ends_with(".exr")) {
+      auto image = ReadBasisExr(entry.path().string());
+      EXPECT_TRUE(image.ok()) << image.status();
+      if (image.ok()) set.images.emplace(name, *std::move(image));
+    } else {
+      // The journal is in the order of storing and the header names the run.
+      bool own = name == "journal" || name == "run.json" || name == "manifest.json";
+      set.texts[name] = own ? "masked" : ReadText(entry.path());
+    }
+  }
+  return set;
+}
+
+void ExpectEqual(const Set& got, const Set& whole) {
+  EXPECT_EQ(got.manifest, whole.manifest) << Json::diff(whole.manifest, got.manifest).dump(1);
+  EXPECT_EQ(got.texts, whole.texts);
+  ASSERT_EQ(got.images.size(), whole.images.size());
+  for (const auto& [name, image] : whole.images) {
+    auto it = got.images.find(name);
+    ASSERT_NE(it, got.images.end()) << name;
+    const DecodedBasis& other = it->second;
+    ASSERT_TRUE(other.image.pixels.SameShape(image.image.pixels)) << name;
+    auto a = other.image.pixels.pixels(), b = image.image.pixels.pixels();
+    EXPECT_TRUE(std::equal(a.begin(), a.end(), b.begin())) << name << " has other pixels";
+    EXPECT_EQ(other.image.flags, image.image.flags) << name;
+    EXPECT_EQ(other.attributes.shot.id, image.attributes.shot.id) << name;
+    EXPECT_EQ(other.attributes.shot.condition, image.attributes.shot.condition) << name;
+    EXPECT_EQ(other.attributes.exposures_s, image.attributes.exposures_s) << name;
+  }
+}
+
+class CrashTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    TestFolder folder;
+    Daemon daemon(folder, SmallRig());
+    auto begin = std::chrono::steady_clock::now();
+    std::string run = daemon.Capture(kPlan);
+    took_ = std::chrono::steady_clock::now() - begin;
+    whole_ = new Set(ReadSet(daemon.RunFolder(run)));
+    EXPECT_EQ(whole_->images.size(), static_cast<size_t>(kShots));
+  }
+  static void TearDownTestSuite() {
+    delete whole_;
+    whole_ = nullptr;
+  }
+
+  // After a crash in `folder`: restarts, resumes if there is something to resume, and compares. `begun`: a run must be there. `failpoints`
+  // hold for the resumed run, which then must crash too; another call goes on from there.
+  void RecoverAndCompare(const TestFolder& folder, bool begun) {
+    Daemon daemon(folder, SmallRig());
+    Json runs = daemon.Ctl({"runs", "list"}).json()["runs"];
+    if (!begun && runs.empty()) {
+      // Killed before the run was there; the next one is not disturbed by what is left of it.
+      std::string run = daemon.Capture(kPlan);
+      EXPECT_EQ(daemon.Ctl({"runs", "verify", run}).code, 0);
+      ExpectEqual(ReadSet(daemon.RunFolder(run)), *whole_);
+      return;
+    }
+    ASSERT_EQ(runs.size(), 1u);
+    std::string run = runs[0]["name"];
+    if (runs[0]["state"] != "RUN_STATE_SUCCEEDED") {  // the kill may have come too late
+      ASSERT_EQ(runs[0]["state"], "RUN_STATE_INTERRUPTED") << runs[0];
+      Answer before = daemon.Ctl({"runs", "show", run});
+      int done = before.json()["run"]["doneShots"];
+      Answer resume = daemon.Ctl({"runs", "resume", run});
+      ASSERT_EQ(resume.code, 0) << resume.err;
+      Json finished = daemon.WaitForRun(run, "SUCCEEDED");
+      EXPECT_EQ(finished["doneShots"], kShots);
+      EXPECT_LE(done, kShots);
+    }
+    Answer verify = daemon.Ctl({"runs", "verify", run});
+    EXPECT_EQ(verify.code, 0) << verify.out;
+    ExpectEqual(ReadSet(daemon.RunFolder(run)), *whole_);
+  }
+
+  static Set* whole_;
+  static std::chrono::steady_clock::duration took_;
+};
+
+Set* CrashTest::whole_ = nullptr;
+std::chrono::steady_clock::duration CrashTest::took_{};
+
+// Every named point, early, amid and late. A capture renames 3 files to begin, one per shot, then lights_000.lp and the manifest;
+// journal appends are fewer than shots, because one append may hold several.
+TEST_F(CrashTest, Failpoints) {
+  for (const char* point :
+       {"env.before_rename=kill:1", "env.before_rename=kill:3", "env.before_rename=kill:4",
+        "env.before_rename=kill:19", "env.before_rename=kill:36", "env.before_rename=kill:37",
+        "store.after_rename=kill:1", "store.after_rename=kill:14", "store.after_rename=kill:32",
+        "store.before_journal_append=kill:1", "store.before_journal_append=kill:2",
+        "store.before_journal_append=kill:5", "store.after_journal_append=kill:1",
+        "store.after_journal_append=kill:2", "store.after_journal_append=kill:5",
+        "store.after_journal_sync=kill:1", "store.after_journal_sync=kill:3"}) {
+    SCOPED_TRACE(point);
+    TestFolder folder;
+    {
+      Daemon daemon(folder, SmallRig(), {.failpoints = point});
+      std::vector<std::string> capture = {"capture", "--detach"};
+      capture.insert(capture.end(), kPlan.begin(), kPlan.end());
+      daemon.Ctl(capture);  // fails if the daemon dies before it answers
+      ASSERT_EQ(daemon.process().Wait(Milliseconds(20000)), 128 + SIGKILL)
+          << "the point was not reached";
+    }
+    RecoverAndCompare(folder, /*begun=*/false);
+  }
+}
+
+TEST_F(CrashTest, TwentyMoments) {
+  std::mt19937 random(20040501);
+  auto most = std::chrono::duration_cast<std::chrono::microseconds>(took_).count();
+  std::uniform_int_distribution<long> moment(0, most);
+  for (int i = 0; i < 20; ++i) {
+    auto delay = std::chrono::microseconds(moment(random));
+    SCOPED_TRACE("killed " + std::to_string(delay.count()) + " us after the start, number " +
+                 std::to_string(i));
+    TestFolder folder;
+    {
+      Daemon daemon(folder, SmallRig());
+      std::vector<std::string> capture = {"capture", "--detach"};
+      capture.insert(capture.end(), kPlan.begin(), kPlan.end());
+      auto client = daemon.Start(capture);
+      std::this_thread::sleep_for(delay);
+      daemon.Kill();
+    }
+    RecoverAndCompare(folder, /*begun=*/false);
+    if (HasFailure()) break;
+  }
+}
+
+// Again and again, until one run is done at last.
+TEST_F(CrashTest, ManyMomentsOfOneRun) {
+  std::mt19937 random(20040502);
+  std::uniform_int_distribution<int> shots(1, 6);
+  TestFolder folder;
+  std::string run;
+  int crashes = 0;
+  for (bool done = false; !done && !HasFailure(); ++crashes) {
+    Daemon daemon(folder, RealTime(SmallRig()));
+    int before = 0;
+    if (run.empty()) {
+      run = daemon.StartRun(kPlan);
+    } else {
+      before = daemon.Run(run)["doneShots"];
+      ASSERT_EQ(daemon.Ctl({"runs", "resume", run}).code, 0);
+    }
+    int until = before + shots(random);
+    Json now;
+    EXPECT_TRUE(WaitUntil(Milliseconds(30000), [&] {
+      now = daemon.Run(run);
+      return now["doneShots"] >= until || now["state"] == "RUN_STATE_SUCCEEDED";
+    })) << now;
+    EXPECT_GE(now["doneShots"].get<int>(), before) << "a stored shot was lost";
+    done = now["state"] == "RUN_STATE_SUCCEEDED";
+    daemon.Kill();
+  }
+  EXPECT_GT(crashes, 2);
+  Daemon daemon(folder, RealTime(SmallRig()));
+  EXPECT_EQ(daemon.Run(run)["state"], "RUN_STATE_SUCCEEDED");
+  EXPECT_EQ(daemon.Ctl({"runs", "verify", run}).code, 0);
+  Set set = ReadSet(daemon.RunFolder(run));
+  set.texts["rig.toml"] = whole_->texts["rig.toml"];  // real time here
+  ExpectEqual(set, *whole_);
+}
+
+}  // namespace
+}  // namespace lightstage

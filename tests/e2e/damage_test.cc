@@ -1,0 +1,132 @@
+// Files that were damaged behind the daemon's back: found, named, and no reason not to show the other runs.
+#include "gtest/gtest.h"
+#include "tests/harness/daemon.h"
+
+namespace lightstage {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool Says(const std::string& text, const std::string& what) {
+  return text.find(what) != std::string::npos;
+}
+
+class Damage : public ::testing::Test {
+ protected:
+  // Two runs: `good` stays as it is, `bad` ends as told.
+  void Capture(bool finished) {
+    Daemon daemon(folder_, RealTime(SmallRig()));
+    good_ = daemon.Capture({"light-stage", "--azimuths", "2", "--lamps", "0-3"});
+    bad_ = daemon.StartRun({"light-stage", "--azimuths", "4", "--lamps", "0-9"});
+    if (finished)
+      daemon.WaitForRun(bad_, "SUCCEEDED");
+    else
+      daemon.WaitForShots(bad_, 8);
+    daemon.Kill();
+    path_ = daemon.RunFolder(bad_);
+  }
+  // Restarts the daemon, which must still know both runs.
+  std::unique_ptr<Daemon> Restart() {
+    auto daemon = std::make_unique<Daemon>(folder_, RealTime(SmallRig()));
+    Answer list = daemon->Ctl({"runs", "list"});
+    EXPECT_EQ(list.code, 0) << list.err;
+    std::map<std::string, std::string> states;
+    for (const Json& run : list.json()["runs"]) states[run["name"]] = run["state"];
+    EXPECT_EQ(states.size(), 2u) << list.out;
+    EXPECT_EQ(states[good_], "RUN_STATE_SUCCEEDED");
+    EXPECT_EQ(daemon->Ctl({"runs", "verify", good_}).code, 0);
+    // And it goes on working.
+    EXPECT_EQ(daemon->Ctl({"capture", "light-stage", "--azimuths", "1", "--lamps", "0"}).code, 0);
+    return daemon;
+  }
+
+  TestFolder folder_;
+  std::string good_, bad_;
+  fs::path path_;
+};
+
+TEST_F(Damage, TruncatedMissingAndStrangeImagesAreNamed) {
+  Capture(true);
+  fs::resize_file(path_ / "basis/000003.exr", 500);
+  fs::resize_file(path_ / "basis/000004.exr", 0);
+  fs::remove(path_ / "basis/000005.exr");
+  WriteText(path_ / "basis/999999.exr", "nobody took me");
+  auto daemon = Restart();
+  Answer verify = daemon->Ctl({"runs", "verify", bad_});
+  EXPECT_EQ(verify.code, 5);
+  std::map<std::string, std::string> problems = Problems(verify);
+  EXPECT_EQ(problems.size(), 4u) << verify.out;
+  EXPECT_EQ(problems["basis/000003.exr"], "FILE_SIZE");
+  EXPECT_EQ(problems["basis/000004.exr"], "FILE_SIZE");
+  EXPECT_TRUE(problems.count("basis/000005.exr"));
+  EXPECT_EQ(problems["basis/999999.exr"], "FILE_UNRECORDED");
+  Answer fetch = daemon->Ctl({"runs", "fetch", bad_, folder_ / "copy"});
+  EXPECT_EQ(fetch.code, 5) << fetch.err;
+  EXPECT_TRUE(Says(fetch.err, "basis/000003.exr")) << fetch.err;
+}
+
+TEST_F(Damage, ACorruptManifestAndLightPositionsAreFound) {
+  Capture(true);
+  std::string manifest = ReadText(path_ / "manifest.json");
+  WriteText(path_ / "manifest.json", manifest.substr(0, manifest.size() / 2));
+  WriteText(path_ / "lights_000.lp", "1\nbasis/000000.exr 0 0 1\n");
+  auto daemon = Restart();
+  std::map<std::string, std::string> problems = Problems(daemon->Ctl({"runs", "verify", bad_}));
+  EXPECT_EQ(problems["manifest.json"], "MANIFEST_CORRUPT");
+  EXPECT_EQ(problems["lights_000.lp"], "LIGHTS_MISMATCH");
+}
+
+TEST_F(Damage, ACorruptJournalIsSaidAndNotContinued) {
+  Capture(false);
+  std::string journal = ReadText(path_ / "journal");
+  journal[journal.size() / 2] ^= 0x04;
+  WriteText(path_ / "journal", journal);
+  auto daemon = Restart();
+  Json run = daemon->Run(bad_);
+  EXPECT_EQ(run["state"], "RUN_STATE_FAILED");
+  EXPECT_EQ(run["reason"]["reason"], "JOURNAL_CORRUPT") << run;
+  EXPECT_TRUE(Says(run["reason"]["message"], "line")) << run["reason"];
+  EXPECT_GT(run["doneShots"].get<int>(), 0) << "the good lines count";
+  Answer resume = daemon->Ctl({"runs", "resume", bad_});
+  EXPECT_EQ(resume.code, 1);
+  Answer verify = daemon->Ctl({"runs", "verify", bad_});
+  EXPECT_EQ(verify.code, 5);
+  EXPECT_TRUE(Problems(verify).count("journal")) << verify.out;
+}
+
+TEST_F(Damage, ATornJournalIsACrashAndIsResumed) {
+  Capture(false);
+  auto size = fs::file_size(path_ / "journal");
+  fs::resize_file(path_ / "journal", size - 7);
+  auto daemon = Restart();
+  EXPECT_EQ(daemon->Run(bad_)["state"], "RUN_STATE_INTERRUPTED");
+  Answer resume = daemon->Ctl({"runs", "resume", bad_});
+  ASSERT_EQ(resume.code, 0) << resume.err;
+  EXPECT_EQ(daemon->WaitForRun(bad_, "SUCCEEDED")["doneShots"], 40);
+  Answer verify = daemon->Ctl({"runs", "verify", bad_});
+  EXPECT_EQ(verify.code, 0) << verify.out;
+}
+
+TEST_F(Damage, AnEmptyJournalIsSaid) {
+  Capture(false);
+  WriteText(path_ / "journal", "");
+  auto daemon = Restart();
+  Json run = daemon->Run(bad_);
+  EXPECT_EQ(run["state"], "RUN_STATE_FAILED");
+  EXPECT_EQ(run["reason"]["reason"], "JOURNAL_CORRUPT") << run;
+}
+
+TEST_F(Damage, ARunThatCannotBeReadAtAllIsStillListed) {
+  Capture(false);
+  WriteText(path_ / "run.json", "{\"id\": ");
+  auto daemon = Restart();
+  for (const Json& run : daemon->Ctl({"runs", "list"}).json()["runs"]) {
+    if (run["name"] != bad_) continue;
+    EXPECT_EQ(run["state"], "RUN_STATE_FAILED");
+    EXPECT_TRUE(Says(run["reason"]["message"], "run.json")) << run;
+  }
+  EXPECT_EQ(daemon->Ctl({"runs", "show", bad_}).code, 1);
+}
+
+}  // namespace
+}  // namespace lightstage
