@@ -21,6 +21,7 @@ struct Relit {
 // The map's azimuth 0° is the object frame's +X, its zenith the rig's; `rotate` turns it about the vertical, counterclockwise from
 // above. A basis image taken with lamps at a sum of levels other than 1 is scaled to 1, so that every image answers to the same
 // irradiance; images of one direction (patterns of one projector position) share its weight equally.
+// Dark frames are not subtracted: one frame's noise would count 2π-fold.
 // Reads every image once, one per hardware thread at a time: memory is a few pictures, whatever the number of images.
 // FAILED_PRECONDITION / NO_LIGHT_DIRECTIONS if no basis image has a direction; errors of reading.
 absl::StatusOr<Relit> RelightWithEnvironment(const Dataset& dataset, const EnvironmentMap& map,

@@ -5,8 +5,8 @@
 
 namespace lightstage::relight {
 
-// RGB radiance in the layout of optics/environment_map.h, width × width/2: a dim room, a large cool window with bars to the front left
-// (azimuth 20° to 75°), a small warm lamp to the right (−65°, about 300 times brighter than the room), and a blue strip behind.
+// RGB radiance in the layout of optics/environment_map.h, width × width/2: a dim room, a large cool window with bars (azimuths 20° to
+// 75°), a small warm lamp (at −65°, over 300 times brighter than the room), and a blue strip (at 180°).
 Image StudioMap(int width);
 
 }  // namespace lightstage::relight

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <cstdlib>
 #include <iostream>
 #include <string>
 #include <thread>
@@ -61,6 +62,8 @@ int Main(int argc, char** argv) {
   // Before any thread is there: they inherit it.
   sigset_t signals = EndingSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  // gRPC's own messages tell nothing that the commands do not say better. Set it to see them.
+  setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
   // Standard output is for answers only.
   spdlog::set_default_logger(spdlog::stderr_color_mt("lightstagectl"));
   spdlog::set_level(spdlog::level::warn);

@@ -33,6 +33,7 @@ void SetLightStage(const PlanFlags& flags, v1::LightStage& stage) {
   stage.set_span_deg(flags.span_deg);
   stage.mutable_lamps()->Add(flags.lamps.begin(), flags.lamps.end());
   stage.set_level(flags.level);
+  if (flags.tilt_deg) stage.set_tilt_deg(*flags.tilt_deg);
 }
 
 void SetProjector4d(const PlanFlags& flags, v1::Projector4d& projector) {
@@ -72,6 +73,8 @@ void AddPlanFlags(CLI::App& command, PlanFlags& flags) {
             "Which lamps; default all");
   AddParsed(*flags.light_stage, "--level", flags.level, ParseNumber, "LEVEL",
             "Level of the lit lamp, above 0 to 1; default 1");
+  AddParsed(*flags.light_stage, "--tilt-deg", flags.tilt_deg, ParseNumber, "DEG",
+            "Where the projector's gantry stays; default: as near to 0 as the rig allows");
 
   flags.projector_4d = command.add_subcommand(
       "projector-4d", "Projector patterns at every gantry tilt and turntable position");

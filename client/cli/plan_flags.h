@@ -29,6 +29,7 @@ struct PlanFlags {
   double span_deg = 0;
   std::vector<int> lamps;
   double level = 0;
+  std::optional<double> tilt_deg;
 
   // Projector.
   CountOrAngles tilts = 7;

@@ -35,10 +35,11 @@ TEST(PlanFlags, DefaultsAreTheDissertations) {
 }
 
 TEST(PlanFlags, EveryFlagReachesThePlan) {
-  EXPECT_EQ(Plan("light-stage --azimuths 4 --lamps 0,3,7-8 --exposures-us 500,4000 --dark-every 10 "
-                 "--reference-every 20 --span-deg 360 --level 0.5"),
-            "exposures_us: 500 exposures_us: 4000 dark_every: 10 reference_every: 20 light_stage { "
-            "azimuths: 4 span_deg: 360 lamps: 0 lamps: 3 lamps: 7 lamps: 8 level: 0.5 }");
+  EXPECT_EQ(
+      Plan("light-stage --azimuths 4 --lamps 0,3,7-8 --exposures-us 500,4000 --dark-every 10 "
+           "--reference-every 20 --span-deg 360 --level 0.5 --tilt-deg 0"),
+      "exposures_us: 500 exposures_us: 4000 dark_every: 10 reference_every: 20 light_stage { "
+      "azimuths: 4 span_deg: 360 lamps: 0 lamps: 3 lamps: 7 lamps: 8 level: 0.5 tilt_deg: 0 }");
   EXPECT_EQ(Plan("projector-4d --tilts 10,20 --azimuths 45. --grid 32 --influence 0 --pattern hat"),
             "projector_4d { azimuth_list { angles_deg: 45 } tilt_list { angles_deg: 10 angles_deg: "
             "20 } grid: 32 profile: PATTERN_PROFILE_HAT influence: 0 }");

@@ -56,12 +56,16 @@ std::string Table(const std::vector<std::vector<std::string>>& rows) {
       text += row[i];
       if (i + 1 < row.size()) text.append(widths[i] - row[i].size() + 2, ' ');
     }
+    text.erase(text.find_last_not_of(' ') + 1);  // empty cells at the end
     text += '\n';
   }
   return text;
 }
 
 namespace {
+
+// A list longer than this is told by its ends.
+constexpr int kMostAngles = 4;
 
 // "RIG_ACTIVITY_IDLE" → "idle".
 std::string EnumText(const std::string& name, absl::string_view prefix) {
@@ -75,9 +79,15 @@ std::string PoseText(const v1::Pose& pose) {
                       NumberText(pose.tilt_deg()), " deg");
 }
 
-std::string AngleListText(const v1::AngleList& list) {
-  return absl::StrJoin(list.angles_deg(), ", ",
-                       [](std::string* out, double a) { *out += NumberText(a); });
+// "3 azimuths (0, 45, 90 deg)"
+std::string AngleListText(const v1::AngleList& list, std::string_view what) {
+  const auto& angles = list.angles_deg();
+  std::string text =
+      angles.size() > kMostAngles
+          ? absl::StrCat(NumberText(angles.Get(0)), " ... ",
+                         NumberText(angles.Get(angles.size() - 1)))
+          : absl::StrJoin(angles, ", ", [](std::string* out, double a) { *out += NumberText(a); });
+  return absl::StrCat(angles.size(), " ", what, " (", text, " deg)");
 }
 
 std::string AxisName(v1::AxisId axis) { return EnumText(v1::AxisId_Name(axis), "AXIS_ID_"); }
@@ -130,7 +140,7 @@ std::string PlanText(const v1::Plan& plan) {
     const v1::LightStage& stage = plan.light_stage();
     text = "light stage: ";
     if (stage.has_azimuth_list()) {
-      absl::StrAppend(&text, "azimuths ", AngleListText(stage.azimuth_list()), " deg");
+      text += AngleListText(stage.azimuth_list(), "azimuths");
     } else {
       absl::StrAppend(&text, stage.azimuths(), " azimuths over ",
                       NumberText(stage.span_deg() == 0 ? 180 : stage.span_deg()), " deg");
@@ -138,17 +148,21 @@ std::string PlanText(const v1::Plan& plan) {
     absl::StrAppend(
         &text, ", ",
         stage.lamps().empty() ? "all lamps" : absl::StrCat(stage.lamps_size(), " lamps"));
-    if (stage.level() != 0) absl::StrAppend(&text, " at level ", NumberText(stage.level()));
+    if (stage.has_tilt_deg()) {
+      absl::StrAppend(&text, ", projector at tilt ", Degrees(stage.tilt_deg()));
+    }
+    if (stage.level() != 0 && stage.level() != 1)
+      absl::StrAppend(&text, " at level ", NumberText(stage.level()));
   } else if (plan.has_projector_4d()) {
     const v1::Projector4d& projector = plan.projector_4d();
     text = "projector 4D: ";
     if (projector.has_tilt_list()) {
-      absl::StrAppend(&text, "tilts ", AngleListText(projector.tilt_list()), " deg x ");
+      absl::StrAppend(&text, AngleListText(projector.tilt_list(), "tilts"), " x ");
     } else {
       absl::StrAppend(&text, projector.tilts(), " tilts x ");
     }
     if (projector.has_azimuth_list()) {
-      absl::StrAppend(&text, "azimuths ", AngleListText(projector.azimuth_list()), " deg");
+      text += AngleListText(projector.azimuth_list(), "azimuths");
     } else {
       absl::StrAppend(&text, projector.azimuths(), " azimuths");
     }

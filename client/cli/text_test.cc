@@ -40,6 +40,7 @@ TEST(NumberText, LeavesOutWhatIsZero) {
 
 TEST(Table, AlignsColumns) {
   EXPECT_EQ(Table({{"a", "bb", "c"}, {"aaa", "b", "cc"}}), "a    bb  c\naaa  b   cc\n");
+  EXPECT_EQ(Table({{"a", ""}, {"", "b"}}), "a\n   b\n");
 }
 
 TEST(PlanText, SaysWhatIsCaptured) {
@@ -52,9 +53,13 @@ TEST(PlanText, SaysWhatIsCaptured) {
   plan.mutable_projector_4d()->set_influence(2);
   plan.add_exposures_us(500);
   plan.set_dark_every(100);
-  EXPECT_EQ(PlanText(plan),
-            "projector 4D: 7 tilts x azimuths 45 deg, grid 16, box, influence 2, exposures 500 us, "
-            "dark frame every 100");
+  EXPECT_EQ(
+      PlanText(plan),
+      "projector 4D: 7 tilts x 1 azimuths (45 deg), grid 16, box, influence 2, exposures 500 us, "
+      "dark frame every 100");
+  for (int i = 0; i < 31; ++i)
+    plan.mutable_projector_4d()->mutable_azimuth_list()->add_angles_deg(i);
+  EXPECT_THAT(PlanText(plan), HasSubstr("32 azimuths (45 ... 30 deg)"));
 }
 
 TEST(EstimateText, NamesTheFieldsAsTheApiDoes) {

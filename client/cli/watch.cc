@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "absl/strings/str_format.h"
 #include "base/status.h"
 #include "base/strings.h"
 #include "client/cli/progress_line.h"
@@ -23,7 +24,7 @@ std::string ProgressText(const v1::Run& run) {
   std::string text = absl::StrCat(run.done_shots(), "/", run.total_shots());
   if (run.state() != v1::RUN_STATE_RUNNING) absl::StrAppend(&text, " ", StateText(run.state()));
   if (run.shots_per_second() > 0) {
-    absl::StrAppend(&text, "  ", NumberText(run.shots_per_second(), 1), "/s  ",
+    absl::StrAppend(&text, "  ", absl::StrFormat("%.1f", run.shots_per_second()), "/s  ",
                     DurationText(run.remaining_seconds()), " left");
   }
   absl::StrAppend(&text, "  az ", NumberText(run.pose().azimuth_deg(), 2), " tilt ",

@@ -34,7 +34,7 @@ void MaskShot(Json& shot) {
     shot[key] = "masked";
   }
   for (Json& exposure : shot["exposures"]) {
-    for (const char* key : {"start_ns", "end_ns", "device_timestamp_ns", "frame_sequence"}) {
+    for (const char* key : {"start_ns", "end_ns", "device_timestamp_ns", "frame"}) {
       EXPECT_TRUE(exposure.contains(key)) << key << " in " << exposure;
       exposure[key] = "masked";
     }
@@ -47,7 +47,7 @@ Set ReadSet(const fs::path& run) {
   EXPECT_TRUE(set.manifest.is_object());
   std::set<int> ids;
   for (Json& shot : set.manifest["shots"]) {
-    EXPECT_TRUE(ids.insert(shot["id"].get<int>()).second) << "twice: " << shot;
+    EXPECT_TRUE(ids.insert(shot["shot"].get<int>()).second) << "twice: " << shot;
     EXPECT_EQ(Sha256Hex(ReadText(run / shot["file"].get<std::string>())), shot["sha256"]);
     MaskShot(shot);
   }

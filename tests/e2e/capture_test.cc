@@ -65,7 +65,7 @@ TEST(Capture, EveryShotIsThereAsTheManifestSays) {
   std::set<std::string> files;
   for (const Json& shot : manifest["shots"]) {
     ++kinds[shot["kind"]];
-    ids.insert(shot["id"].get<int>());
+    ids.insert(shot["shot"].get<int>());
     std::string file = shot["file"];
     files.insert(file);
     std::string bytes = ReadText(run / file);
@@ -155,7 +155,7 @@ TEST(Capture, LightAddsUpAndDarkIsDark) {
     Image reference;
     int basis = 0;
     for (const Json& shot : manifest["shots"]) {
-      if (std::abs(shot["pose"]["azimuth_deg"].get<double>() - azimuth) > 1e-6) continue;
+      if (std::abs(shot["commanded"]["azimuth_deg"].get<double>() - azimuth) > 1e-6) continue;
       DecodedBasis image = Read(run / shot["file"].get<std::string>());
       if (shot["kind"] == "dark") {
         EXPECT_LT(Sum(image.image.pixels), 1e-3) << shot["file"];
@@ -201,8 +201,8 @@ TEST(Capture, Projector4dShootsEveryPatternAtEveryPosition) {
   std::set<std::string> conditions;
   for (const Json& shot : manifest["shots"]) {
     if (shot["kind"] != "basis") continue;
-    ++per_position[shot["pose"].dump()];
-    conditions.insert(shot["pose"].dump() + shot["condition"].dump());
+    ++per_position[shot["commanded"].dump()];
+    conditions.insert(shot["commanded"].dump() + shot["condition"].dump());
   }
   ASSERT_EQ(per_position.size(), 4u);
   for (const auto& [pose, shots] : per_position) EXPECT_EQ(shots, 2 * 8 * 2) << pose;
