@@ -9,7 +9,7 @@ Driver<Camera> AravisDriver() {
     constexpr char kMissing[] =
         "this binary was built without libaravis: install libaravis-dev and libusb-1.0-0-dev and "
         "build again";
-    for (const std::string& key : table.Keys()) table.Has(key);
+    table.Ignore();
     table.ErrorAt("driver", kMissing);
     return [](const DeviceContext&) -> absl::StatusOr<std::unique_ptr<Camera>> {
       return Error(absl::StatusCode::kUnimplemented, "DRIVER_NOT_BUILT", kMissing);
