@@ -77,8 +77,10 @@ ExitCode RunCli(const std::vector<std::string>& arguments, World& world) {
   options.owner = DefaultOwner();
   options.note = absl::StrCat("lightstagectl ", absl::StrJoin(arguments, " "));
   app.add_option("--address", options.address,
-                 "Where the daemon listens; default: $LIGHTSTAGE_ADDRESS, else 127.0.0.1:7420");
-  AddParsed(app, "--format", options.json, ParseFormat, "text|json", "How answers are written");
+                 "Where the daemon listens; default: $LIGHTSTAGE_ADDRESS, else 127.0.0.1:7420")
+      ->take_last();
+  AddParsed(app, "--format", options.json, ParseFormat, "text|json", "How answers are written")
+      ->take_last();
   AddParsed(app, "--wait", options.wait_seconds, ParseDuration, "SECONDS",
             "Keep trying to connect for so long; default: fail when the daemon refuses");
   app.add_option("--owner", options.owner,

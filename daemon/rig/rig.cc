@@ -223,6 +223,10 @@ absl::Status Rig::Posing::Wait() {
     absl::Status status =
         rig_->WaitAxis(motion.axis, motion.pending, motion.deadline,
                        absl::StrFormat("move to %g deg", motion.target.degrees()));
+    if (status.ok()) continue;
+    // It may still be on its way, or think that it is: whatever comes next must find it at rest.
+    absl::Status stopped = rig_->StopAxes({motion.axis});
+    if (!stopped.ok()) spdlog::warn("{}", MessageOf(stopped));
     if (first.ok()) first = status;
   }
   return first;
@@ -436,11 +440,10 @@ absl::Status Rig::DisarmCamera() {
 
 // ---- Stop
 
-absl::Status Rig::StopDevices() {
-  absl::Status first = Dark();
+absl::Status Rig::StopAxes(std::initializer_list<AxisId> ids) {
   std::vector<std::pair<AxisId, Pending<AxisState>>> stops;
   TimePoint deadline = clock_.Now() + device_timeout();
-  for (AxisId id : kAxes) {
+  for (AxisId id : ids) {
     if (Axis* axis = mutable_axis(id)) {
       stops.emplace_back(id, Pending<AxisState>(clock_));
       // Slowing down takes as long as speeding up did.
@@ -451,11 +454,18 @@ absl::Status Rig::StopDevices() {
       axis->Stop(deadline, stops.back().second.sink());
     }
   }
+  absl::Status first;
   for (auto& [id, stop] : stops) {
     absl::Status status = WaitAxis(id, stop, deadline, "stop");
     if (first.ok()) first = status;
   }
   return first;
+}
+
+absl::Status Rig::StopDevices() {
+  absl::Status dark = Dark();
+  absl::Status still = StopAxes({AxisId::kTurntable, AxisId::kTilt});
+  return dark.ok() ? still : dark;
 }
 
 absl::Status Rig::Stop(const absl::Status& reason) {
@@ -474,7 +484,7 @@ absl::Status Rig::Reset() {
     MutexLock lock(&gate_);
     stop_reason_ = absl::OkStatus();
   }
-  absl::Status ready = Dark();
+  absl::Status ready = StopDevices();  // a stalled axis is still busy with its last move
   if (ready.ok()) ready = HomeAll();
   if (ready.ok()) {
     spdlog::info("rig: reset");

@@ -1,7 +1,7 @@
 // The opened devices of one rig, behind one gate: after Stop() nothing moves or lights until Reset().
 #pragma once
 
-#include <functional>
+#include <initializer_list>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -93,6 +93,7 @@ class Rig {
     return id == AxisId::kTurntable ? turntable_.get() : tilt_.get();
   }
   absl::Status HomeAxis(AxisId id);
+  absl::Status StopAxes(std::initializer_list<AxisId> ids);
   absl::Status StopDevices();
   void StoreAxis(AxisId id, const AxisState& state);
   void KeepLit();  // refreshes the lamps' time-to-dark as long as one is on

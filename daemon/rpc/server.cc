@@ -1,6 +1,7 @@
 #include "daemon/rpc/server.h"
 
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -41,7 +42,12 @@ absl::Status ClearSocket(const std::string& address, const std::string& path) {
     return AddressInvalid(address, absl::StrFormat("a socket's path has 1 to %d characters",
                                                    sizeof(name.sun_path) - 1));
   }
-  if (access(path.c_str(), F_OK) != 0) return absl::OkStatus();
+  struct stat there {};
+  if (lstat(path.c_str(), &there) != 0)
+    return errno == ENOENT ? absl::OkStatus() : ErrnoError(errno, "stat", path);
+  // Before connecting: Linux refuses a connection to any file alike.
+  if (!S_ISSOCK(there.st_mode))
+    return AddressInUse(address, "there is a file of that name that is not a socket");
   name.sun_family = AF_UNIX;
   std::memcpy(name.sun_path, path.data(), path.size());
   int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -50,8 +56,6 @@ absl::Status ClearSocket(const std::string& address, const std::string& path) {
   int error = errno;
   close(fd);
   if (connected == 0) return AddressInUse(address, "another program is listening there");
-  if (error == ENOTSOCK || error == EPROTOTYPE)
-    return AddressInUse(address, "there is a file of that name that is not a socket");
   if (error != ECONNREFUSED) return ErrnoError(error, "connect to", path);
   spdlog::info("removing {}, which a dead process left", path);
   if (unlink(path.c_str()) != 0) return ErrnoError(errno, "remove", path);

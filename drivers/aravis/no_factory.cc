@@ -2,13 +2,17 @@
 #include "drivers/aravis/driver.h"
 
 namespace lightstage {
+namespace {
+
+constexpr char kMissing[] =
+    "this binary was built without libaravis: install libaravis-dev and libusb-1.0-0-dev and build "
+    "again";
+
+}  // namespace
 
 Driver<Camera> AravisDriver() {
   Driver<Camera> driver;
   driver.parse = [](const TomlTable& table) -> DeviceOpener<Camera> {
-    constexpr char kMissing[] =
-        "this binary was built without libaravis: install libaravis-dev and libusb-1.0-0-dev and "
-        "build again";
     table.Ignore();
     table.ErrorAt("driver", kMissing);
     return [](const DeviceContext&) -> absl::StatusOr<std::unique_ptr<Camera>> {

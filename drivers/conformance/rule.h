@@ -65,8 +65,7 @@ class Outcome : public CompletionCount, public std::enable_shared_from_this<Outc
     }
     return result_;
   }
-  // Valid once done().
-  const absl::StatusOr<T>& result() const { return result_; }
+  const absl::StatusOr<T>& result() const { return result_; }  // valid once done()
   TimePoint called_at() const { return called_at_; }
 
  private:
@@ -81,11 +80,8 @@ class Bench {
  public:
   explicit Bench(Fixture& fixture) : fixture_(fixture) {
     absl::StatusOr<std::unique_ptr<Device>> opened = fixture.Open();
-    if (opened.ok()) {
-      device_ = *std::move(opened);
-    } else {
-      ADD_FAILURE() << "the fixture can not open its device: " << opened.status();
-    }
+    EXPECT_TRUE(opened.ok()) << "the fixture can not open its device: " << opened.status();
+    if (opened.ok()) device_ = *std::move(opened);
   }
   ~Bench() { Close(); }
 
@@ -144,7 +140,6 @@ bool RegisterRules(const std::string& suite, const Rule<Fixture> (&rules)[N],
                    FixtureFactory<Fixture> make, const char* file, int line) {
   for (const Rule<Fixture>& rule : rules) {
     auto check = rule.check;
-    // gtest wants the common base class as the factory's return type.
     testing::RegisterTest(
         suite.c_str(), rule.name, nullptr, nullptr, file, line,
         [make, check]() -> testing::Test* { return new RuleTest<Fixture>(make, check); });

@@ -188,7 +188,7 @@ TEST(Control, AVanishedClientsMotionStops) {
   TestFolder folder;
   Daemon daemon(folder,
                 Replaced(RealTime(SmallRig()), "max_velocity_dps = 720", "max_velocity_dps = 20"));
-  auto mover = daemon.Start({"move", "turntable", "300"});
+  auto mover = daemon.Start({"move", "turntable", "170"});
   auto moving = [&] { return daemon.State()["axes"][0]["moving"] == true; };
   ASSERT_TRUE(WaitUntil(Milliseconds(10000), [&] {
     Json axis = daemon.State()["axes"][0];
@@ -197,7 +197,7 @@ TEST(Control, AVanishedClientsMotionStops) {
   mover->Signal(SIGKILL);
   mover->Wait();
   EXPECT_TRUE(WaitUntil(2 * kHeartbeat, [&] { return !moving(); }));
-  EXPECT_LT(daemon.State()["axes"][0]["positionDeg"].get<double>(), 250);
+  EXPECT_LT(daemon.State()["axes"][0]["positionDeg"].get<double>(), 150);
   EXPECT_TRUE(WaitUntil(2 * kHeartbeat, [&] { return !daemon.State().contains("control"); }));
   EXPECT_EQ(daemon.Ctl({"move", "tilt", "10"}).code, 0);
 }
