@@ -15,6 +15,7 @@
 
 #include "absl/time/clock.h"
 #include "base/env.h"
+#include "base/memory.h"
 #include "daemon/store/data_directory.h"
 #include "daemon/store/pipeline.h"
 
@@ -112,6 +113,7 @@ absl::Status Measure(const std::string& folder, int width, int height, int shots
 }  // namespace lightstage
 
 int main(int argc, char** argv) {
+  lightstage::KeepFrameMemory();  // as the daemon does
   std::string folder = (argc > 1 ? std::string(argv[1]) : "/var/tmp") + "/lightstage-store-bench";
   for (auto [width, height, shots] :
        {std::tuple{320, 240, 600}, {640, 480, 300}, {1920, 1200, 60}}) {

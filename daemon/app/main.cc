@@ -9,6 +9,7 @@
 #include "CLI/CLI.hpp"
 #include "base/env.h"
 #include "base/failpoint.h"
+#include "base/memory.h"
 #include "base/status.h"
 #include "base/version.h"
 #include "daemon/app/builtin_drivers.h"
@@ -86,6 +87,7 @@ int Main(int argc, char** argv) {
   }
   if (arguments.listen.empty()) arguments.listen = {kDefaultAddress};
 
+  KeepFrameMemory();
   spdlog::set_default_logger(spdlog::stderr_logger_mt("lightstaged"));
   spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
   // Before any thread: all of them leave these signals to Serve().

@@ -189,7 +189,7 @@ absl::StatusOr<std::optional<Engine::Attempt>> Engine::Next(ShotSink& sink) {
         continue;
       }
       RETURN_IF_ERROR(CheckShot(*shot, facts_));
-      again_.push_back({*std::move(shot), 1, rig_.file().engine.max_attempts});
+      again_.push_back({std::move(*shot), 1, rig_.file().engine.max_attempts});
     } else if (auto* request = std::get_if<OperatorRequest>(&step)) {
       request_ = std::move(*request);
     } else if (std::holds_alternative<AwaitResults>(step)) {

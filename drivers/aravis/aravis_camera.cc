@@ -7,6 +7,12 @@
 #include "absl/strings/str_format.h"
 
 namespace lightstage {
+namespace {
+
+// libaravis repeats a command that is not acknowledged within 500 ms: one that took so long may have triggered twice.
+constexpr Duration kRepeatedCommand = std::chrono::milliseconds(400);
+
+}  // namespace
 
 absl::StatusOr<std::unique_ptr<Camera>> AravisCamera::Open(const AravisOptions& options,
                                                            const DeviceContext& context) {
@@ -322,6 +328,7 @@ void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
     return;
   }
   shot->acknowledged = clock_.Now();
+  if (shot->acknowledged - shot->sent > kRepeatedCommand) out_of_step_ = true;
   if (options_.exposure_end_margin) {
     TimePoint end = shot->acknowledged + shot->used_exposure + *options_.exposure_end_margin;
     std::weak_ptr<Shot> weak = shot;
@@ -333,36 +340,37 @@ void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
 
 void AravisCamera::OnFirstPacket(uint64_t session, TimePoint time) {
   if (!streaming_ || session != link_->session()) return;
-  if (!active_ || time < active_->sent || active_->first_packet) {
-    out_of_step_ = true;
-    return;
-  }
-  active_->first_packet = time;
-  active_->EndExposure(time);
+  // A stray frame's packets are sorted out when the frame is taken.
+  if (active_ && time >= active_->sent) active_->EndExposure(time);
 }
 
 void AravisCamera::OnBuffer(uint64_t session) {
   if (!streaming_ || session != link_->session()) return;
-  std::optional<absl::StatusOr<Frame>> taken = link_->TakeBuffer();
-  if (!taken) return;
-  if (!active_ || !active_->first_packet) {
-    out_of_step_ = true;
-    return;
+  while (std::optional<AravisLink::Taken> taken = link_->TakeBuffer()) {
+    if (!active_ || taken->first_packet < active_->sent) {
+      out_of_step_ = true;
+      continue;
+    }
+    FinishActive(*std::move(taken));
   }
+}
+
+void AravisCamera::FinishActive(AravisLink::Taken taken) {
   std::shared_ptr<Shot> shot = std::move(active_);
   active_.reset();
-  absl::StatusOr<Frame> frame = *std::move(taken);
   if (clock_.Now() > shot->deadline) {
     shot->Fail(LateError("the frame"));  // its timer has not come to it yet
     return;
   }
+  absl::StatusOr<Frame> frame = std::move(taken.frame);
   if (frame.ok()) {
     last_sequence_ = frame->sequence += sequence_base_;
     frame->exposure = shot->used_exposure;
     // Triggered between sent and acknowledged; over when its first packet came.
     TimePoint start = shot->sent + (shot->acknowledged - shot->sent) / 2;
-    frame->exposure_end = std::min(start + shot->used_exposure, *shot->first_packet);
+    frame->exposure_end = std::min(start + shot->used_exposure, taken.first_packet);
     frame->exposure_start = frame->exposure_end - shot->used_exposure;
+    shot->EndExposure(taken.first_packet);
   }
   shot->Finish(std::move(frame));
 }

@@ -65,6 +65,7 @@ class AravisCamera final : public Camera {
   void DoTrigger(const std::shared_ptr<Shot>& shot);
   void OnFirstPacket(uint64_t session, TimePoint time);
   void OnBuffer(uint64_t session);
+  void FinishActive(AravisLink::Taken taken);
 
   const AravisOptions options_;
   const std::string name_;

@@ -332,14 +332,18 @@ absl::StatusOr<CameraConfig> AravisLink::Configure(const CameraConfig& config) {
 
 // ---- Stream
 
-void AravisLink::OnStream(void* self, int type, ArvBuffer*) {
+void AravisLink::OnStream(void* self, int type) {
   AravisLink* link = static_cast<AravisLink*>(self);
-  if (!link->reporting_) return;
   // session_ is written before the stream's thread starts and after it has ended.
   if (type == ARV_STREAM_CALLBACK_TYPE_START_BUFFER) {
-    link->events_.first_packet(link->session_, link->clock_.Now());
+    TimePoint now = link->clock_.Now();
+    {
+      MutexLock lock(&link->starts_mutex_);
+      link->starts_.push_back(now);
+    }
+    if (link->reporting_) link->events_.first_packet(link->session_, now);
   } else if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) {
-    link->events_.buffer_done(link->session_);
+    if (link->reporting_) link->events_.buffer_done(link->session_);
   }
 }
 
@@ -347,9 +351,7 @@ absl::Status AravisLink::CreateStream() {
   GErrorSlot error;
   guint payload = arv_camera_get_payload(camera_, error.out());
   RETURN_IF_ERROR(Check(error.get(), "reading the payload size"));
-  auto callback = +[](void* self, ArvStreamCallbackType type, ArvBuffer* buffer) {
-    OnStream(self, type, buffer);
-  };
+  auto callback = +[](void* self, ArvStreamCallbackType type, ArvBuffer*) { OnStream(self, type); };
   stream_ = arv_camera_create_stream(camera_, callback, this, error.out());
   if (!stream_) {
     absl::Status why = Check(error.get(), "creating the stream");
@@ -381,6 +383,10 @@ absl::Status AravisLink::StartStream(const CameraConfig& config, TimePoint deadl
   ++session_;
   config_ = config;
   last_frame_id_.reset();
+  {
+    MutexLock lock(&starts_mutex_);
+    starts_.clear();
+  }
   RETURN_IF_ERROR(CreateStream());
   GErrorSlot error;
   arv_camera_set_trigger(camera_, "Software", error.out());
@@ -402,9 +408,7 @@ absl::Status AravisLink::WarmUp(TimePoint deadline) {
     ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream_, std::max<int64_t>(us, 1));
     if (!buffer) continue;
     seen = true;
-    bool complete = ToFrame(buffer).ok();
-    arv_stream_push_buffer(stream_, buffer);
-    if (complete) break;
+    if (Take(buffer).frame.ok()) break;
   }
   reporting_ = true;
   // A link that always loses packets shows with the first real frame.
@@ -439,13 +443,23 @@ absl::Status AravisLink::SoftwareTrigger() {
   return Check(error.get(), "triggering");
 }
 
-std::optional<absl::StatusOr<Frame>> AravisLink::TakeBuffer() {
+std::optional<AravisLink::Taken> AravisLink::TakeBuffer() {
   if (!stream_) return std::nullopt;
   ArvBuffer* buffer = arv_stream_try_pop_buffer(stream_);
   if (!buffer) return std::nullopt;
-  absl::StatusOr<Frame> frame = ToFrame(buffer);
+  return Take(buffer);
+}
+
+AravisLink::Taken AravisLink::Take(ArvBuffer* buffer) {
+  Taken taken{clock_.Now(), ToFrame(buffer)};
   arv_stream_push_buffer(stream_, buffer);
-  return frame;
+  // Frames end in the order in which they began, and each was noted before it was filled.
+  MutexLock lock(&starts_mutex_);
+  if (!starts_.empty()) {
+    taken.first_packet = starts_.front();
+    starts_.pop_front();
+  }
+  return taken;
 }
 
 // GigE Vision's 16-bit frame ids run from 1 to 65535; longer ones do not wrap.

@@ -4,11 +4,14 @@
 
 #include <atomic>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "absl/base/thread_annotations.h"
+#include "base/mutex.h"
 #include "drivers/api/camera.h"
 #include "drivers/aravis/capabilities.h"
 #include "drivers/aravis/options.h"
@@ -53,9 +56,14 @@ class AravisLink {
   absl::StatusOr<Duration> SetExposure(Duration exposure);
   absl::Status SoftwareTrigger();
 
-  // The next frame or lost frame (DATA_LOSS / FRAME_INCOMPLETE); nothing if there is none yet. Exposure and its times are left to
-  // the caller.
-  std::optional<absl::StatusOr<Frame>> TakeBuffer();
+  // A frame or lost frame (DATA_LOSS / FRAME_INCOMPLETE) and when its first packet came. Exposure and its times are left to the
+  // caller.
+  struct Taken {
+    TimePoint first_packet;
+    absl::StatusOr<Frame> frame;
+  };
+  // The next one; nothing if there is none yet.
+  std::optional<Taken> TakeBuffer();
 
  private:
   AravisLink(const AravisOptions& options, std::string name, Clock& clock, Events events);
@@ -69,7 +77,8 @@ class AravisLink {
   absl::Status WarmUp(TimePoint deadline);
   absl::StatusOr<Frame> ToFrame(ArvBuffer* buffer);
   uint64_t NextSequence(uint64_t frame_id);
-  static void OnStream(void* self, int type, ArvBuffer* buffer);
+  Taken Take(ArvBuffer* buffer);
+  static void OnStream(void* self, int type);
 
   const AravisOptions options_;
   const std::string name_;
@@ -87,6 +96,9 @@ class AravisLink {
   std::optional<Duration> asked_exposure_;  // last one set, if it is still there
   Duration used_exposure_{};
   std::optional<uint64_t> last_frame_id_;  // of this session
+  Mutex starts_mutex_;
+  std::deque<TimePoint> starts_
+      ABSL_GUARDED_BY(starts_mutex_);  // of frames begun and not yet taken
   uint64_t sequence_ = 0;
 };
 

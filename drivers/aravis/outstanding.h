@@ -90,7 +90,6 @@ class Shot final : public Outstanding {
   // The device thread's notes.
   Duration used_exposure{};
   TimePoint sent{}, acknowledged{};  // of the trigger command
-  std::optional<TimePoint> first_packet;
 
  private:
   void DeliverFrame() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -54,6 +54,36 @@ TEST(Control, ByHandEverythingDoesWhatItSays) {
   EXPECT_FALSE(Lit(daemon.State()));
 }
 
+TEST(Control, EveryAnswerHasATextForPeople) {
+  TestFolder folder;
+  Daemon daemon(folder, SmallRig());
+  std::string run = daemon.Capture({"light-stage", "--azimuths", "2", "--lamps", "0,1"});
+  std::string id = run.substr(run.find('/') + 1);
+  struct Case {
+    std::vector<std::string> arguments;
+    std::string says;
+  };
+  for (const Case& c : std::vector<Case>{
+           {{"status"}, "idle"},
+           {{"rig"}, "Small test rig"},
+           {{"plan", "light-stage"}, "1280"},
+           {{"runs", "list"}, id},
+           {{"runs", "show", "latest"}, id},
+           {{"runs", "show", id}, "4"},
+           {{"runs", "verify", run}, "no problem"},
+           {{"runs", "fetch", run, folder / "copy"}, folder / "copy"},
+           {{"runs", "watch", run}, "succeeded"},
+           {{"move", "turntable", "45"}, "45"},
+           {{"capture", "light-stage", "--azimuths", "1", "--lamps", "0"}, "started runs/"},
+           {{"stop"}, "stop"},
+           {{"reset"}, "idle"}}) {
+    auto process = daemon.Start(c.arguments, "text");
+    EXPECT_EQ(process->Wait(), 0) << c.arguments[0] << process->err();
+    EXPECT_TRUE(Says(process->out(), c.says)) << c.arguments[0] << ": " << process->out();
+    EXPECT_FALSE(Says(process->out(), "{")) << process->out();
+  }
+}
+
 TEST(Control, SnapShowsTheLightThatWasAskedFor) {
   TestFolder folder;
   Daemon daemon(folder, SmallRig());

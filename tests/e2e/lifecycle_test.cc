@@ -159,6 +159,24 @@ TEST(Lifecycle, AToldEndInterruptsTheRunAndTheNextStartGoesOn) {
   EXPECT_EQ(daemon.Ctl({"runs", "verify", run}).code, 0);
 }
 
+// On virtual time too, which stands still between runs.
+TEST(Lifecycle, TimesAreInOrder) {
+  TestFolder folder;
+  Daemon daemon(folder, SmallRig());
+  SleepFor(Milliseconds(1500));
+  std::string name = daemon.Capture({"light-stage", "--azimuths", "1", "--lamps", "0,1"});
+  Json run = daemon.Run(name);
+  Json manifest = Json::parse(ReadText(daemon.RunFolder(name) / "manifest.json"));
+  // RFC 3339 in UTC sorts as text, down to the second.
+  std::string begin = run["createTime"], end = run["endTime"];
+  EXPECT_LE(begin.substr(0, 19), end.substr(0, 19));
+  for (const Json& shot : manifest["shots"]) {
+    std::string taken = shot["captured_at"];
+    EXPECT_LE(begin.substr(0, 19), taken.substr(0, 19));
+    EXPECT_LE(taken.substr(0, 19), end.substr(0, 19));
+  }
+}
+
 // A watcher rides out a restart of the daemon and tells what became of the run.
 TEST(Lifecycle, AWatcherSurvivesTheDaemon) {
   TestFolder folder;

@@ -166,6 +166,24 @@ TEST(Startup, ABadRigFileIsRefusedWithItsPlace) {
   EXPECT_EQ(RunDaemon(folder, {"--frobnicate"}).code, 2);
 }
 
+// A path relative to where the daemon was started says nothing to a client.
+TEST(Startup, ARelativeDataDirectoryIsToldAsAWholePath) {
+  TestFolder folder;
+  std::string relative = fs::relative(folder / "data", fs::current_path()).string();
+  WriteText(folder / "rig.toml", SmallRig());
+  std::string address = "unix:" + (folder / "socket");
+  Process daemon(
+      {DaemonProgram(), "--rig", folder / "rig.toml", "--data", relative, "--listen", address},
+      folder / "daemon");
+  Process capture({CtlProgram(), "--address", address, "--wait", "20", "--format", "json",
+                   "capture", "light-stage", "--azimuths", "1", "--lamps", "0", "--detach"},
+                  folder / "capture");
+  ASSERT_EQ(capture.Wait(), 0) << capture.err();
+  fs::path directory = Json::parse(capture.out())["run"]["directory"].get<std::string>();
+  EXPECT_TRUE(directory.is_absolute()) << directory;
+  EXPECT_TRUE(fs::exists(directory / "run.json")) << directory;
+}
+
 TEST(Startup, ADataDirectoryThatCannotBeMadeIsSaid) {
   TestFolder folder;
   WriteText(folder / "rig.toml", SmallRig());

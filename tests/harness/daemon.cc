@@ -1,5 +1,6 @@
 #include "tests/harness/daemon.h"
 
+#include <algorithm>
 #include <csignal>
 #include <cstdlib>
 #include <iostream>
@@ -80,7 +81,9 @@ void Daemon::Kill() {
 
 std::unique_ptr<Process> Daemon::Start(const std::vector<std::string>& arguments,
                                        const std::string& format) {
-  std::vector<std::string> all = {CtlProgram(), "--address", address(), "--format", format};
+  std::vector<std::string> all = {CtlProgram(), "--format", format};
+  if (std::find(arguments.begin(), arguments.end(), "--address") == arguments.end())
+    all.insert(all.end(), {"--address", address()});
   all.insert(all.end(), arguments.begin(), arguments.end());
   return std::make_unique<Process>(all, log_folder_ + "/ctl" + std::to_string(++commands_));
 }
@@ -105,7 +108,7 @@ std::string Daemon::StartRun(std::vector<std::string> plan) {
 
 std::string Daemon::Capture(std::vector<std::string> plan) {
   std::string run = StartRun(std::move(plan));
-  WaitForRun(run, "SUCCEEDED", Milliseconds(60000));
+  WaitForRun(run, "SUCCEEDED", Milliseconds(200000));
   return run;
 }
 
@@ -130,7 +133,7 @@ Json Daemon::WaitForRun(const std::string& name, const std::string& state, Milli
 }
 
 void Daemon::WaitForShots(const std::string& name, int shots) {
-  EXPECT_TRUE(WaitUntil(Milliseconds(30000), [&] {
+  EXPECT_TRUE(WaitUntil(Milliseconds(60000), [&] {
     return Run(name).value("doneShots", 0) >= shots;
   })) << Run(name).dump(1);
 }

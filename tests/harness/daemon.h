@@ -61,7 +61,7 @@ class Daemon {
   int Terminate();  // SIGTERM; the exit code
   void Kill();      // SIGKILL
 
-  // lightstagectl with these arguments and --format json.
+  // lightstagectl with these arguments, --format json and, unless they name another, this daemon's address.
   Answer Ctl(const std::vector<std::string>& arguments);
   // The same, still running. With `format` as given.
   std::unique_ptr<Process> Start(const std::vector<std::string>& arguments,
@@ -75,7 +75,7 @@ class Daemon {
   Json Run(const std::string& name);  // Run
   // Waits for a run's state (without RUN_STATE_) and returns the run; fails the test if it does not come.
   Json WaitForRun(const std::string& name, const std::string& state,
-                  Milliseconds patience = Milliseconds(30000));
+                  Milliseconds patience = Milliseconds(60000));
   // Waits until so many shots are stored, or more.
   void WaitForShots(const std::string& name, int shots);
   std::filesystem::path RunFolder(const std::string& name) const;

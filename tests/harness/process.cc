@@ -52,19 +52,20 @@ Process::Process(const std::vector<std::string>& arguments, const std::string& l
     argv.push_back(const_cast<char*>(argument.c_str()));
   }
   argv.push_back(nullptr);
-  std::string out = log_ + ".out", err = log_ + ".err";
+  // Here and not in the child, so that they are there to be read from now on.
+  int in_fd = open("/dev/null", O_RDONLY | O_CLOEXEC);
+  int out_fd = open((log_ + ".out").c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  int err_fd = open((log_ + ".err").c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  EXPECT_TRUE(in_fd >= 0 && out_fd >= 0 && err_fd >= 0) << "cannot open " << log_;
   pid_t parent = getpid();
   pid_ = fork();
   if (pid_ != 0) {
     EXPECT_GT(pid_, 0) << "cannot fork";
+    for (int fd : {in_fd, out_fd, err_fd}) close(fd);
     return;
   }
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(125);  // it ended before prctl
-  int in_fd = open("/dev/null", O_RDONLY);
-  int out_fd = open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-  int err_fd = open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-  if (in_fd < 0 || out_fd < 0 || err_fd < 0) _exit(126);
   dup2(in_fd, 0);
   dup2(out_fd, 1);
   dup2(err_fd, 2);
