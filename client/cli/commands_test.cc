@@ -394,7 +394,7 @@ TEST_F(CommandsTest, AHoldKeepsControlAndEndsInTimeOrByCtrlC) {
 }
 
 TEST_F(CommandsTest, LosingControlEndsAHoldWithAnError) {
-  daemon_.Change([](FakeState& s) { s.heartbeat_seconds = 0.3; });
+  daemon_.Change([](FakeState& s) { s.heartbeat_seconds = 0.9; });
   int code = RunWhile("lamps 3=1 --hold 600", "SetLamps",
                       [&] { daemon_.Change([](FakeState& s) { s.token = "of another"; }); });
   EXPECT_EQ(code, 1);
