@@ -24,6 +24,7 @@ sigset_t EndingSignals() {
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGUSR1);  // wakes the thread that waits for the others
   return signals;
 }
 
@@ -34,17 +35,18 @@ class SignalWatch {
   explicit SignalWatch(Canceller& canceller)
       : thread_([this, &canceller] {
           sigset_t signals = EndingSignals();
-          for (int count = 0;; ++count) {
+          for (int count = 0;;) {
             int signal = 0;
             sigwait(&signals, &signal);
             if (quit_) return;
-            if (count > 0) _exit(static_cast<int>(ExitCode::kInterrupted));
+            if (signal == SIGUSR1) continue;
+            if (++count > 1) _exit(static_cast<int>(ExitCode::kInterrupted));
             canceller.Cancel();
           }
         }) {}
   ~SignalWatch() {
     quit_ = true;
-    pthread_kill(thread_.native_handle(), SIGTERM);  // blocked: it only ends the sigwait()
+    pthread_kill(thread_.native_handle(), SIGUSR1);
     thread_.join();
   }
 

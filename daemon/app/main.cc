@@ -1,6 +1,7 @@
 // lightstaged: the daemon that owns a relighting rig.
 
 #include <csignal>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <string>
@@ -43,7 +44,9 @@ absl::StatusOr<std::unique_ptr<RigFile>> LoadRigFile(const std::string& path,
 absl::Status Serve(const Arguments& arguments, const RigFile& file, const sigset_t& signals) {
   // One daemon per data directory comes before any device: a second one must not even open them.
   std::unique_ptr<Env> env = MakePosixEnv({.direct_io = file.store.direct_io});
-  ASSIGN_OR_RETURN(std::unique_ptr<DataDirectory> data, DataDirectory::Open(*env, arguments.data));
+  // Clients are told where a dataset is: that must not depend on where the daemon was started.
+  std::string folder = std::filesystem::absolute(arguments.data).lexically_normal();
+  ASSIGN_OR_RETURN(std::unique_ptr<DataDirectory> data, DataDirectory::Open(*env, folder));
 
   std::unique_ptr<Clock> clock;
   if (file.virtual_time)

@@ -231,8 +231,7 @@ absl::Status Engine::Expose(const Attempt& attempt) {
                             reported.azimuth));
   RETURN_IF_ERROR(
       CheckHeld(rig_.axis(AxisId::kTilt), AxisId::kTilt, shot.pose.tilt, reported.tilt));
-  in_flight_.emplace(
-      InFlight{attempt, reported, rig_.clock().WallNow(), Bracket(rig_, shot.exposures)});
+  in_flight_.emplace(InFlight{attempt, reported, rig_.WallNow(), Bracket(rig_, shot.exposures)});
   absl::Status exposed = in_flight_->bracket.Expose();
   if (!exposed.ok()) {
     in_flight_.reset();

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "spdlog/spdlog.h"
 
 namespace lightstage {
@@ -103,6 +104,10 @@ absl::Status Rig::OpenDevices() {
   Pending<CameraConfig> configured(clock_);
   camera_->Configure(asked, deadline, configured.sink());
   return configured.Wait(deadline + device_timeout(), "camera: configure").status();
+}
+
+WallTime Rig::WallNow() const {
+  return std::chrono::time_point_cast<std::chrono::microseconds>(absl::ToChronoTime(absl::Now()));
 }
 
 // ---- Use

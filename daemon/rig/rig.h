@@ -42,6 +42,8 @@ class Rig {
 
   const RigFile& file() const { return file_; }
   Clock& clock() { return clock_; }
+  // For records that people read: real time, also where the rig's own is virtual.
+  WallTime WallNow() const;
   Camera& camera() { return *camera_; }
   const Axis* axis(AxisId id) const {
     return id == AxisId::kTurntable ? turntable_.get() : tilt_.get();

@@ -302,7 +302,7 @@ grpc::Status RigService::Snap(grpc::ServerContext*, const v1::SnapRequest* reque
     ASSIGN_OR_RETURN(raw.reported_pose, rig_.ReadPose());
     raw.shot.pose = raw.reported_pose;
     RETURN_IF_ERROR(rig_.ArmCamera());
-    raw.captured_at = rig_.clock().WallNow();
+    raw.captured_at = rig_.WallNow();
     Bracket bracket(rig_, raw.shot.exposures);
     absl::Status exposed = bracket.Expose();
     auto frames = exposed.ok() ? bracket.TakeFrames() : exposed;

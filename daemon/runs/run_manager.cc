@@ -40,11 +40,6 @@ double BlockDifference(const Image& a, const Image& b) {
   return total > 0 ? difference / total : 0;
 }
 
-// When a run began and ended is told in real time, also where its shots' times are virtual.
-WallTime RealNow() {
-  return std::chrono::time_point_cast<std::chrono::microseconds>(absl::ToChronoTime(absl::Now()));
-}
-
 absl::Status NotActive(const std::string& id, RunState state, std::string_view what) {
   return Error(absl::StatusCode::kFailedPrecondition, "RUN_STATE",
                absl::StrFormat("cannot %s run %s: it is %s", std::string(what), id,
@@ -92,7 +87,7 @@ absl::StatusOr<std::string> RunManager::Start(const Plan& plan, std::string name
   auto plan_json = plan_text_.write(resolved.plan);
   if (plan_json.ok()) {
     header.plan_json = *plan_json;
-    auto folder = data_.CreateRun(header, rig_.file().text, RealNow());
+    auto folder = data_.CreateRun(header, rig_.file().text, rig_.WallNow());
     if (folder.ok()) {
       id = (*folder)->header().id;
       launched = Launch(*std::move(folder), resolved.plan, std::nullopt);
@@ -113,7 +108,7 @@ absl::Status RunManager::Launch(std::shared_ptr<RunFolder> folder, const Plan& p
                                 std::optional<Engine::Resumption> resumption) {
   const RigFile& file = rig_.file();
   ASSIGN_OR_RETURN(ExrCompression compression, ParseExrCompression(folder->header().compression));
-  RETURN_IF_ERROR(folder->AppendState(RunState::kRunning, absl::OkStatus(), RealNow()));
+  RETURN_IF_ERROR(folder->AppendState(RunState::kRunning, absl::OkStatus(), rig_.WallNow()));
 
   auto active = std::make_shared<Active>();
   Active* a = active.get();
@@ -131,7 +126,7 @@ absl::Status RunManager::Launch(std::shared_ptr<RunFolder> folder, const Plan& p
       a->running_since = absl::Now();
       a->done_then = a->folder->count();
     }
-    absl::Status kept = a->folder->AppendState(state, reason, RealNow());
+    absl::Status kept = a->folder->AppendState(state, reason, rig_.WallNow());
     // The records are what a run is made of; a lost state is found INTERRUPTED at the next start.
     if (!kept.ok())
       spdlog::error("run {}: state {} not recorded: {}", a->id, RunStateName(state),
@@ -255,7 +250,7 @@ absl::Status RunManager::Cancel(const std::string& id) {
   if (!NextState(run.state, RunEvent::kCancel).ok()) return NotActive(id, run.state, "cancel");
   ASSIGN_OR_RETURN(std::unique_ptr<RunFolder> folder, data_.OpenRun(id));
   RETURN_IF_ERROR(folder->PrepareToAppend());
-  RETURN_IF_ERROR(folder->AppendState(RunState::kCancelled, absl::OkStatus(), RealNow()));
+  RETURN_IF_ERROR(folder->AppendState(RunState::kCancelled, absl::OkStatus(), rig_.WallNow()));
   MutexLock lock(&mutex_);
   past_.erase(id);
   last_opened_.reset();

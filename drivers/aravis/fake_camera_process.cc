@@ -61,6 +61,9 @@ void FakeCameraProcess::Kill() {
   pid_ = -1;
 }
 
-void FakeCameraProcess::Suspend(bool asleep) { kill(pid_, asleep ? SIGSTOP : SIGCONT); }
+void FakeCameraProcess::Suspend(bool asleep) {
+  kill(pid_, asleep ? SIGSTOP : SIGCONT);
+  if (asleep) waitpid(pid_, nullptr, WUNTRACED);  // until it has really stopped
+}
 
 }  // namespace lightstage
