@@ -415,7 +415,9 @@ TEST_F(CommandsTest, SnapLightsAndTakesThePictureUnderOneLease) {
   EXPECT_THAT(daemon_.Calls(),
               ElementsAre("AcquireControl", "SetLamps", "ShowPattern", "Snap", "ReleaseControl"));
   EXPECT_EQ(daemon_.Last<v1::SnapRequest>("Snap").exposures_us_size(), 2);
-  EXPECT_THAT(out_.str(), HasSubstr("2.4 KiB, 0 % saturated, 25 % black"));
+  EXPECT_THAT(out_.str(), HasSubstr("2.4 KiB, 0 % saturated, 25 % black\n"
+                                    "exposure 500 us: the camera used 0 us\n"));
+  EXPECT_THAT(out_.str(), Not(HasSubstr("exposure 4000 us")));
   auto lines = RunJson("snap --out " + folder_ + "/g.exr");
   ASSERT_EQ(lines.size(), 1u);
   auto response = FromJson<v1::SnapResponse>(lines[0]);

@@ -152,7 +152,8 @@ absl::StatusOr<ExitCode> Snap(Session& session, const SnapFlags& flags) {
   RETURN_IF_ERROR(session.Print(first, [&] {
     return absl::StrCat(flags.out, ": ", BytesText(first.total_bytes()), ", ",
                         NumberText(100 * first.saturated_share(), 2), " % saturated, ",
-                        NumberText(100 * first.black_share(), 2), " % black\n");
+                        NumberText(100 * first.black_share(), 2), " % black\n",
+                        AdjustedText(first.exposures()));
   }));
   return ExitCode::kOk;
 }

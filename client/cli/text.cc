@@ -316,4 +316,15 @@ std::string ShotText(const v1::Shot& shot) {
                       shot.nothing_seen() ? ", nothing seen" : "");
 }
 
+std::string AdjustedText(const google::protobuf::RepeatedPtrField<v1::Exposure>& exposures) {
+  constexpr double kClockTick = 1e-3;  // what a Duration holds, microseconds
+  std::string text;
+  for (const v1::Exposure& exposure : exposures) {
+    if (std::abs(exposure.used_us() - exposure.requested_us()) <= kClockTick) continue;
+    absl::StrAppend(&text, "exposure ", NumberText(exposure.requested_us()),
+                    " us: the camera used ", NumberText(exposure.used_us()), " us\n");
+  }
+  return text;
+}
+
 }  // namespace lightstage::client

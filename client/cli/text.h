@@ -40,5 +40,7 @@ std::string RunsText(const v1::ListRunsResponse& runs);
 std::string RigText(const v1::Rig& rig);
 std::string RigStateText(const v1::RigState& state);
 std::string ShotText(const v1::Shot& shot);
+// A line for each exposure that the camera adjusted; empty if none was.
+std::string AdjustedText(const google::protobuf::RepeatedPtrField<v1::Exposure>& exposures);
 
 }  // namespace lightstage::client

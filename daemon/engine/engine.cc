@@ -274,9 +274,13 @@ void Engine::Failed(const Attempt& attempt, const absl::Status& status) {
                MessageOf(status));
   bool disk_full = status.code() == absl::StatusCode::kResourceExhausted;
   if (attempt.number >= attempt.last || disk_full) {
-    Hold(Annotate(status, absl::StrFormat("shot %d, attempt %d", attempt.shot.id, attempt.number)));
+    std::string where = absl::StrFormat("shot %d, attempt %d", attempt.shot.id, attempt.number);
+    if (!attempt.first_failure.empty() && attempt.first_failure != status.message())
+      absl::StrAppend(&where, " (the first failed with: ", attempt.first_failure, ")");
+    Hold(Annotate(status, where));
   }
   ++again_.back().number;
+  if (attempt.first_failure.empty()) again_.back().first_failure = std::string(status.message());
   MutexLock lock(&mutex_);
   ++progress_.retakes;
 }
@@ -317,8 +321,10 @@ void Engine::PauseHere(ShotSink& sink) {
     MutexLock lock(&mutex_);
     while (progress_.state == RunState::kPaused) changed_.Wait(&mutex_);
   }
-  for (Attempt& attempt : again_)
+  for (Attempt& attempt : again_) {
     attempt.last = attempt.number + rig_.file().engine.max_attempts - 1;
+    attempt.first_failure.clear();
+  }
 }
 
 }  // namespace lightstage

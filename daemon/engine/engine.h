@@ -74,7 +74,8 @@ class Engine {
   struct Attempt {
     Shot shot;
     int number = 1;
-    int last = 1;  // with this one the engine gives up
+    int last = 1;               // with this one the engine gives up
+    std::string first_failure;  // often the cause of those that follow; empty before
   };
   // A shot whose last exposure has ended and whose last frame may still be on its way.
   struct InFlight {

@@ -357,6 +357,17 @@ TEST_F(EngineTest, ALostFrameIsRetaken) {
   EXPECT_THAT(attempts_, testing::Contains(2).Times(1));
 }
 
+TEST_F(EngineTest, TheReasonOfAPauseKeepsTheFirstFailure) {
+  Open();
+  camera_->incomplete = {3};  // shot 2; found out while shot 3 is taken
+  camera_->silent = {5, 6};   // shot 2 again, twice
+  Start(Shots(6));
+  EXPECT_EQ(WaitState(2), RunState::kPaused);
+  EXPECT_EQ(ErrorReason(reason()), "DEVICE_SILENT");
+  EXPECT_THAT(MessageOf(reason()),
+              testing::HasSubstr("shot 2, attempt 3 (the first failed with: 3 packets lost): "));
+}
+
 TEST_F(EngineTest, ACameraThatStopsAnsweringPausesTheRunDarkAndResumes) {
   Open();
   camera_->silent = {3, 4, 5};

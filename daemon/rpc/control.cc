@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_format.h"
 #include "base/status.h"
+#include "base/strings.h"
 #include "spdlog/spdlog.h"
 
 namespace lightstage::rpc {
@@ -38,7 +39,7 @@ absl::StatusOr<std::string> Control::Acquire(std::string owner, std::string note
                  absl::StrFormat("control: owner must have 1 to 200 characters (has %d), note at "
                                  "most 500 (has %d)",
                                  owner.size(), note.size()),
-                 {{"owner", owner.substr(0, 200)}});
+                 {{"owner", CutUtf8(owner, 200)}});
   }
   MutexLock lock(&mutex_);
   if (!token_.empty() || ending_) {

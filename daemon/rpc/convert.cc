@@ -271,6 +271,20 @@ google::protobuf::Timestamp ToMessage(WallTime t) {
   return google::protobuf::util::TimeUtil::MicrosecondsToTimestamp(t.time_since_epoch().count());
 }
 
+void AddExposures(const std::vector<ExposureRecord>& exposures,
+                  google::protobuf::RepeatedPtrField<v1::Exposure>* messages) {
+  for (const ExposureRecord& exposure : exposures) {
+    v1::Exposure* m = messages->Add();
+    m->set_requested_us(Microseconds(exposure.requested));
+    m->set_used_us(Microseconds(exposure.used));
+    m->set_gain_db(exposure.gain_db);
+    m->set_start_seconds(Seconds(exposure.start.time_since_epoch()));
+    m->set_end_seconds(Seconds(exposure.end.time_since_epoch()));
+    m->set_device_timestamp_ns(exposure.device_timestamp_ns);
+    m->set_frame_sequence(exposure.frame_sequence);
+  }
+}
+
 v1::Shot ToMessage(const ShotRecord& record) {
   v1::Shot message;
   message.set_id(static_cast<int64_t>(record.shot.id));
@@ -286,16 +300,7 @@ v1::Shot ToMessage(const ShotRecord& record) {
   if (record.shot.condition.pattern)
     *condition->mutable_pattern() = ToMessage(*record.shot.condition.pattern);
   if (record.direction) *message.mutable_direction() = ToMessage(*record.direction);
-  for (const ExposureRecord& exposure : record.exposures) {
-    v1::Exposure* m = message.add_exposures();
-    m->set_requested_us(Microseconds(exposure.requested));
-    m->set_used_us(Microseconds(exposure.used));
-    m->set_gain_db(exposure.gain_db);
-    m->set_start_seconds(Seconds(exposure.start.time_since_epoch()));
-    m->set_end_seconds(Seconds(exposure.end.time_since_epoch()));
-    m->set_device_timestamp_ns(exposure.device_timestamp_ns);
-    m->set_frame_sequence(exposure.frame_sequence);
-  }
+  AddExposures(record.exposures, message.mutable_exposures());
   message.set_attempts(record.attempts);
   google::protobuf::util::TimeUtil::FromString(record.captured_at, message.mutable_capture_time());
   message.set_file(record.file);

@@ -27,6 +27,8 @@ v1::Pattern ToMessage(const Pattern& pattern);
 v1::Pose ToMessage(const Pose& pose);
 v1::Vector ToMessage(const Vec3& v);
 v1::Shot ToMessage(const ShotRecord& record);
+void AddExposures(const std::vector<ExposureRecord>& exposures,
+                  google::protobuf::RepeatedPtrField<v1::Exposure>* messages);
 google::protobuf::Timestamp ToMessage(WallTime t);
 
 // The canonical JSON of a plan, as stored with a run, and back.

@@ -5,6 +5,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "base/status.h"
+#include "base/strings.h"
 #include "base/version.h"
 #include "daemon/capture/limits.h"
 #include "daemon/develop/develop.h"
@@ -292,7 +293,7 @@ grpc::Status RigService::ShowPattern(grpc::ServerContext*, const v1::ShowPattern
 grpc::Status RigService::Snap(grpc::ServerContext*, const v1::SnapRequest* request,
                               grpc::ServerWriter<v1::SnapResponse>* writer) {
   std::string file;
-  ShotChecks checks;
+  v1::SnapResponse about;
   absl::Status taken = Manually(request->control_token(), [&]() -> absl::Status {
     RawShot raw;
     ASSIGN_OR_RETURN(raw.shot.exposures, ExposuresFromMessage(request->exposures_us()));
@@ -312,7 +313,9 @@ grpc::Status RigService::Snap(grpc::ServerContext*, const v1::SnapRequest* reque
     raw.frames = *std::move(frames);
     raw.exposures = ExposureRecords(raw.shot.exposures, raw.frames);
     ASSIGN_OR_RETURN(Developed developed, Develop(raw, rig_.file().develop, rig_.file().geometry));
-    checks = developed.checks;
+    about.set_saturated_share(developed.checks.saturated_share);
+    about.set_black_share(developed.checks.black_share);
+    AddExposures(raw.exposures, about.mutable_exposures());
     ASSIGN_OR_RETURN(ExrCompression compression, ParseExrCompression(facts_.compression));
     FrameAttributes attributes{.rig_name = rig_.file().name,
                                .shot = raw.shot,
@@ -326,16 +329,15 @@ grpc::Status RigService::Snap(grpc::ServerContext*, const v1::SnapRequest* reque
     return absl::OkStatus();
   });
   if (!taken.ok()) return ToGrpc(taken);
-  WriteChunks<v1::SnapResponse>(*writer, file, [&](v1::SnapResponse& first) {
-    first.set_saturated_share(checks.saturated_share);
-    first.set_black_share(checks.black_share);
-  });
+  WriteChunks<v1::SnapResponse>(*writer, file,
+                                [&](v1::SnapResponse& first) { first.MergeFrom(about); });
   return grpc::Status::OK;
 }
 
 grpc::Status RigService::StopRig(grpc::ServerContext*, const v1::StopRigRequest* request,
                                  v1::StopRigResponse* response) {
-  std::string note = request->note().substr(0, 500);
+  // Cut rather than refused: stop must not fail for its note.
+  std::string note = CutUtf8(request->note(), 500);
   absl::Status reason =
       Error(absl::StatusCode::kAborted, "STOP_ASKED",
             note.empty() ? "stop was asked for" : absl::StrCat("stop: ", note), {{"note", note}});

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -148,7 +149,14 @@ class FakeDaemon::Rig final : public v1::RigService::Service {
       v1::SnapResponse part;
       part.set_total_bytes(static_cast<int64_t>(picture.size()));
       part.set_data(picture.substr(at, chunk));
-      if (at == 0) part.set_black_share(0.25);  // the real one says it once, too
+      if (at == 0) {  // the real one says these once, too
+        part.set_black_share(0.25);
+        for (double asked : q->exposures_us()) {
+          v1::Exposure* exposure = part.add_exposures();
+          exposure->set_requested_us(asked);
+          exposure->set_used_us(std::floor(asked / 1000) * 1000);
+        }
+      }
       writer->Write(part);
     }
     return status;
