@@ -27,6 +27,8 @@ namespace {
 constexpr size_t kAlignment = 4096;
 // One write of this size keeps a disk's queue full; more only costs memory.
 constexpr size_t kDirectChunk = size_t{4} << 20;
+// More than anything that is read whole: a stream that never ends must not fill the memory.
+constexpr size_t kLargestStream = size_t{1} << 30;
 
 class Fd {
  public:
@@ -51,6 +53,11 @@ absl::StatusOr<Fd> OpenFd(const std::string& path, int flags) {
   } while (fd < 0 && errno == EINTR);
   if (fd < 0) return ErrnoError(errno, "open", path);
   return Fd(fd);
+}
+
+absl::Status NotRegular(const std::string& path) {
+  return Error(absl::StatusCode::kFailedPrecondition, "FILE_NOT_REGULAR",
+               absl::StrCat(path, " is there, but is no regular file"), {{"path", path}});
 }
 
 // 0 or an errno.
@@ -142,6 +149,7 @@ class PosixEnvImpl final : public Env {
     struct stat info;
     if (::fstat(fd.get(), &info) != 0) return ErrnoError(errno, "stat", path);
     if (S_ISDIR(info.st_mode)) return ErrnoError(EISDIR, "read", path);
+    if (!S_ISREG(info.st_mode)) return ReadStream(fd, path, offset, length);
     auto size = static_cast<uint64_t>(info.st_size);
     std::string bytes(std::min(length, size - std::min(size, offset)), '\0');
     size_t done = 0;
@@ -159,7 +167,8 @@ class PosixEnvImpl final : public Env {
     return bytes;
   }
 
-  absl::Status WriteFile(const std::string& path, std::string_view bytes) override {
+  absl::Status WriteFile(const std::string& name, std::string_view bytes) override {
+    ASSIGN_OR_RETURN(const std::string path, Replaceable(name));
     // Numbered, so that two writers of one path do not mix their bytes.
     const std::string temporary = absl::StrCat(path, ".", next_temporary_++, ".tmp");
     absl::Status status = WriteAndSync(temporary, bytes);
@@ -222,6 +231,7 @@ class PosixEnvImpl final : public Env {
   absl::StatusOr<uint64_t> FileSize(const std::string& path) override {
     struct stat info;
     if (::stat(path.c_str(), &info) != 0) return ErrnoError(errno, "stat", path);
+    if (!S_ISREG(info.st_mode)) return NotRegular(path);
     return static_cast<uint64_t>(info.st_size);
   }
 
@@ -253,6 +263,41 @@ class PosixEnvImpl final : public Env {
   }
 
  private:
+  // Reads what has no size to ask for - a pipe, a terminal - up to its end.
+  static absl::StatusOr<std::string> ReadStream(const Fd& fd, const std::string& path,
+                                                uint64_t offset, uint64_t length) {
+    std::string bytes;
+    for (char chunk[1 << 16];;) {
+      ssize_t n = ::read(fd.get(), chunk, sizeof(chunk));
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return ErrnoError(errno, "read", path);
+      if (n == 0) break;
+      bytes.append(chunk, static_cast<size_t>(n));
+      if (bytes.size() > kLargestStream) return ErrnoError(EFBIG, "read", path);
+    }
+    return bytes.substr(std::min<uint64_t>(offset, bytes.size()), length);
+  }
+
+  // The regular file, perhaps not there yet, that writing to `name` means. Renaming over a device, a socket or a link would replace
+  // that itself.
+  static absl::StatusOr<std::string> Replaceable(const std::string& name) {
+    struct stat info;
+    if (::lstat(name.c_str(), &info) != 0) {
+      if (errno == ENOENT) return name;
+      return ErrnoError(errno, "stat", name);
+    }
+    std::string path = name;
+    if (S_ISLNK(info.st_mode)) {
+      std::error_code error;
+      path = std::filesystem::canonical(name, error);
+      if (error) return ErrnoError(error.value(), "follow the link", name);
+      if (::stat(path.c_str(), &info) != 0) return ErrnoError(errno, "stat", path);
+    }
+    if (S_ISDIR(info.st_mode)) return ErrnoError(EISDIR, "write", name);
+    if (S_ISREG(info.st_mode)) return path;
+    return NotRegular(name);
+  }
+
   absl::Status WriteAndSync(const std::string& path, std::string_view bytes) {
     constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC;
     // Less than a block is not worth a direct write.

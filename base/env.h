@@ -35,12 +35,14 @@ class Env {
  public:
   virtual ~Env() = default;
 
+  // A pipe is read to its end.
   virtual absl::StatusOr<std::string> ReadFile(const std::string& path) = 0;
   // Up to `length` bytes from `offset`; fewer only at the end of the file.
   virtual absl::StatusOr<std::string> ReadRange(const std::string& path, uint64_t offset,
                                                 uint64_t length) = 0;
   // Writes a whole new file so that `path` never names a partial one: temporary file beside it,
-  // data synced, renamed. The name itself is durable only after SyncDirectory() of its folder.
+  // data synced, renamed. A link is followed; FAILED_PRECONDITION / FILE_NOT_REGULAR if a device, a
+  // pipe or a socket is there. The name itself is durable only after SyncDirectory() of its folder.
   virtual absl::Status WriteFile(const std::string& path, std::string_view bytes) = 0;
   virtual absl::Status SyncDirectory(const std::string& path) = 0;
   // Creates the file if needed.
@@ -51,6 +53,7 @@ class Env {
   virtual absl::Status Remove(const std::string& path) = 0;
   // Names in a folder, sorted, without "." and "..".
   virtual absl::StatusOr<std::vector<std::string>> List(const std::string& path) = 0;
+  // FAILED_PRECONDITION / FILE_NOT_REGULAR of folders, pipes and devices.
   virtual absl::StatusOr<uint64_t> FileSize(const std::string& path) = 0;
   virtual bool Exists(const std::string& path) = 0;
   // Bytes that an unprivileged user can still write on the filesystem that holds `path`.

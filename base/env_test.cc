@@ -1,11 +1,14 @@
 #include "base/env.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <filesystem>
 #include <thread>
 
+#include "base/failpoint.h"
 #include "base/fault_env.h"
 #include "base/status.h"
 #include "gmock/gmock.h"
@@ -85,10 +88,46 @@ TEST_P(EnvTest, ErrorsNameOperationAndPath) {
 }
 
 TEST_P(EnvTest, FailedWriteLeavesTheOldFileAndNoTemporary) {
-  ASSERT_TRUE(env_->CreateDirectories(Path("a/b")).ok());
-  // A folder stands where the file should go: everything succeeds but the rename.
+  ASSERT_TRUE(env_->WriteFile(Path("a"), "old").ok());
+  ASSERT_TRUE(SetFailpoints("env.before_rename=error:1").ok());
   EXPECT_FALSE(env_->WriteFile(Path("a"), Bytes(5000)).ok());
+  ASSERT_TRUE(SetFailpoints("").ok());
+  EXPECT_EQ(env_->ReadFile(Path("a")).value(), "old");
   EXPECT_THAT(env_->List(dir_).value(), ElementsAre("a"));
+}
+
+TEST_P(EnvTest, WritesThroughLinksAndOverNothingThatIsNoFile) {
+  ASSERT_TRUE(env_->WriteFile(Path("real"), "old").ok());
+  std::filesystem::create_symlink("real", Path("link"));
+  ASSERT_TRUE(env_->WriteFile(Path("link"), Bytes(5000)).ok());
+  EXPECT_TRUE(std::filesystem::is_symlink(Path("link")));
+  EXPECT_EQ(env_->ReadFile(Path("real")).value(), Bytes(5000));
+
+  std::filesystem::create_directory(Path("folder"));
+  EXPECT_FALSE(env_->WriteFile(Path("folder"), "x").ok());
+  ASSERT_EQ(::mkfifo(Path("pipe").c_str(), 0600), 0);
+  absl::Status refused = env_->WriteFile(Path("pipe"), "x");
+  EXPECT_EQ(ErrorReason(refused), "FILE_NOT_REGULAR");
+  EXPECT_THAT(std::string(refused.message()), HasSubstr(Path("pipe")));
+  EXPECT_TRUE(std::filesystem::is_fifo(Path("pipe")));
+}
+
+TEST_P(EnvTest, ReadsAPipeToItsEnd) {
+  ASSERT_EQ(::mkfifo(Path("pipe").c_str(), 0600), 0);
+  std::thread writer([&] {
+    int fd = ::open(Path("pipe").c_str(), O_WRONLY);
+    std::string bytes = Bytes(200000);
+    for (size_t done = 0; done < bytes.size();) {
+      ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
+      if (n < 0) break;
+      done += static_cast<size_t>(n);
+    }
+    ::close(fd);
+  });
+  auto read = env_->ReadFile(Path("pipe"));
+  writer.join();
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_TRUE(*read == Bytes(200000));
 }
 
 TEST_P(EnvTest, AppendAndTruncate) {

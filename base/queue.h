@@ -1,6 +1,8 @@
 // A bounded first-in first-out queue between threads. Producers wait when it is full: nothing is dropped, memory stays bounded.
 #pragma once
 
+#include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <deque>
 #include <optional>
@@ -20,6 +22,21 @@ class BoundedQueue {
   bool Push(T item) {
     MutexLock lock(&mutex_);
     while (!closed_ && items_.size() >= capacity_) room_.Wait(&mutex_);
+    if (closed_) return false;
+    items_.push_back(std::move(item));
+    available_.Signal();
+    return true;
+  }
+
+  // Waits for room at most so long. False if there was none: `item` is as it was.
+  bool PushFor(T& item, std::chrono::nanoseconds patience) {
+    const auto begin = std::chrono::steady_clock::now();
+    MutexLock lock(&mutex_);
+    while (!closed_ && items_.size() >= capacity_) {
+      auto left = patience - (std::chrono::steady_clock::now() - begin);
+      if (left <= left.zero()) return false;
+      room_.WaitFor(&mutex_, std::min<std::chrono::nanoseconds>(left, std::chrono::hours(1)));
+    }
     if (closed_) return false;
     items_.push_back(std::move(item));
     available_.Signal();

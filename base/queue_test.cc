@@ -19,6 +19,18 @@ TEST(QueueTest, FirstInFirstOut) {
   EXPECT_FALSE(queue.TryPop().has_value());
 }
 
+TEST(QueueTest, PushForGivesUpAndLeavesTheItem) {
+  BoundedQueue<std::unique_ptr<int>> queue(1);
+  auto item = std::make_unique<int>(1);
+  ASSERT_TRUE(queue.PushFor(item, std::chrono::seconds(0)));
+  item = std::make_unique<int>(2);
+  EXPECT_FALSE(queue.PushFor(item, std::chrono::milliseconds(5)));
+  ASSERT_NE(item, nullptr);
+  EXPECT_EQ(**queue.Pop(), 1);
+  EXPECT_TRUE(queue.PushFor(item, std::chrono::nanoseconds::max()));
+  EXPECT_EQ(**queue.Pop(), 2);
+}
+
 TEST(QueueTest, PushWaitsForRoom) {
   BoundedQueue<int> queue(1);
   ASSERT_TRUE(queue.Push(1));

@@ -15,13 +15,6 @@
 
 namespace lightstage {
 
-// At most `bytes` of UTF-8 text, cut between characters.
-inline std::string CutUtf8(std::string_view text, size_t bytes) {
-  if (text.size() <= bytes) return std::string(text);
-  while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xC0) == 0x80) --bytes;
-  return std::string(text.substr(0, bytes));
-}
-
 inline absl::string_view AbslView(std::string_view s) { return {s.data(), s.size()}; }
 
 namespace strings_internal {

@@ -9,6 +9,7 @@
 #include <sstream>
 #include <tuple>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_join.h"
 #include "base/status.h"
 #include "toml++/toml.h"
@@ -17,6 +18,7 @@ namespace lightstage {
 namespace {
 
 constexpr size_t kMostErrors = 10;
+constexpr size_t kDeepestKey = 100;
 
 const toml::table& AsTable(const void* node) { return *static_cast<const toml::table*>(node); }
 
@@ -63,6 +65,25 @@ size_t EditDistance(std::string_view a, std::string_view b) {
     }
   }
   return row[b.size()];
+}
+
+// The line, from 1, of the first dotted key with more than kDeepestKey parts, 0 if there is none: every part is a table in a table, and
+// the parser puts no limit to how deep they go.
+size_t LineOfTooDeepKey(std::string_view text) {
+  size_t line = 1, dots = 0;
+  char before = '\n';
+  for (char c : text) {
+    if (c == '\n') ++line;
+    if (c == '.') {
+      dots = before == '.' ? 0 : dots + 1;  // a row of dots, as in a comment, is no key
+      if (dots >= kDeepestKey) return line;
+    } else if (!absl::ascii_isalnum(static_cast<unsigned char>(c)) &&
+               std::string_view("-_\"' \t").find(c) == std::string_view::npos) {
+      dots = 0;
+    }
+    before = c;
+  }
+  return 0;
 }
 
 // What the writer of an unknown key may have meant.
@@ -351,6 +372,12 @@ std::string TomlTable::Where(std::string_view key) const {
 absl::StatusOr<TomlDocument> TomlDocument::Parse(std::string_view text, std::string filename) {
   auto impl = std::make_shared<TomlTable::Impl>();
   impl->filename = std::move(filename);
+  if (size_t line = LineOfTooDeepKey(text); line > 0) {
+    std::string where = absl::StrCat(impl->filename, ":", line, ":1");
+    return Error(absl::StatusCode::kInvalidArgument, "RIG_FILE_INVALID",
+                 absl::StrCat(where, ": a key of more than ", kDeepestKey, " parts"),
+                 {{"where", where}});
+  }
   try {
     impl->root = toml::parse(text, impl->filename);
   } catch (const toml::parse_error& error) {

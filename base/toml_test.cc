@@ -165,6 +165,14 @@ TEST(TomlTest, AtMostTenLinesInFileOrder) {
   EXPECT_THAT(message, HasSubstr("\nand 6 more"));
 }
 
+TEST(TomlTest, KeysAreNotDeeperThanTheParserCanStand) {
+  std::string key = "a";
+  for (int i = 0; i < 200000; ++i) key += ".a";
+  auto doc = TomlDocument::Parse("x = 1\n" + key + " = 1\n", "rig.toml");
+  EXPECT_THAT(std::string(doc.status().message()), HasSubstr("rig.toml:2:1: a key of more than"));
+  EXPECT_TRUE(TomlDocument::Parse("# " + std::string(500, '.') + "\na.b.c = 0.5\n", "f").ok());
+}
+
 TEST(TomlTest, WrongShapes) {
   auto doc = MustParse("camera = 3\nlamp = 4\nlist = [1, \"a\"]\nshort = [1]\n");
   doc.root().Table("camera", true).String("driver");

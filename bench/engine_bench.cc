@@ -26,7 +26,7 @@ long ResidentKilobytes() {
 class NullSink final : public ShotSink {
  public:
   explicit NullSink(Clock& clock, size_t shots) : clock_(clock) { arrivals_.reserve(shots); }
-  void Put(RawShot shot) override {
+  void Put(RawShot shot, std::chrono::nanoseconds, absl::FunctionRef<void()>) override {
     arrivals_.push_back(clock_.Now());
     engine->OnOutcome(shot.shot.id, absl::OkStatus());
   }

@@ -94,7 +94,7 @@ absl::Status Measure(const std::string& folder, int width, int height, int shots
       RawShot raw;
       raw.shot.id = shot;
       raw.shot.exposures = {std::chrono::milliseconds(1)};
-      pipeline.Put(std::move(raw));
+      PutPatiently(pipeline, std::move(raw));
     }
     pipeline.Drain();
   }

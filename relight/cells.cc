@@ -15,7 +15,9 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kSameDirection = 1e-6;  // rad
-constexpr double kHorizon = 1e-9;        // −z below which a direction counts as below the horizon
+// −z from which a direction counts as below the horizon: 0.1°. Directions come from reported poses, and an axis sent to the horizon may
+// report a little below it.
+constexpr double kHorizon = 1.75e-3;
 // Where two cells meet, a piece of a texel is split along their bisector once its radius is this share of the lights' distances: the
 // bisector is straight enough then. Where more cells meet, pieces are halved down to the second share.
 constexpr double kEdgeLeaf = 0.1;

@@ -6,7 +6,7 @@
 // constant: (camera units per second) × (map irradiance) / (lamp irradiance). Under a map of radiance 1 the weights are the
 // cells' solid angles.
 //
-// What is lit: if no direction lies below the horizon, the capture knows nothing about light from below. Then only the map's upper
+// What is lit: if no direction lies more than 0.1° below the horizon, the capture knows nothing about light from below. Then only the map's upper
 // hemisphere is divided into cells, and the rest is left out and accounted for; it is never given to lamps at the horizon.
 #pragma once
 

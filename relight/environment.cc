@@ -45,6 +45,15 @@ absl::StatusOr<Relit> RelightWithEnvironment(const Dataset& dataset, const Envir
   std::vector<const ShotRecord*> shots;
   std::vector<Vec3> directions;
   for (const ShotRecord& record : dataset.basis()) {
+    if (record.shot.condition.pattern) {
+      return Error(
+          absl::StatusCode::kFailedPrecondition, "LIT_BY_PATTERNS",
+          absl::StrCat(record.file, " is lit by projector pattern ",
+                       PatternName(*record.shot.condition.pattern),
+                       ": an environment map weighs whole lamps, so a light-stage dataset is "
+                       "needed"),
+          {{"file", record.file}});
+    }
     if (!record.direction) continue;
     shots.push_back(&record);
     directions.push_back(*record.direction);

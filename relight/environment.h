@@ -23,7 +23,7 @@ struct Relit {
 // irradiance; images of one direction (patterns of one projector position) share its weight equally.
 // Dark frames are not subtracted: one frame's noise would count 2π-fold.
 // Reads every image once, one per hardware thread at a time: memory is a few pictures, whatever the number of images.
-// FAILED_PRECONDITION / NO_LIGHT_DIRECTIONS if no basis image has a direction; errors of reading.
+// FAILED_PRECONDITION / LIT_BY_PATTERNS if a projector lit the object, NO_LIGHT_DIRECTIONS if no basis image has a direction; errors of reading.
 absl::StatusOr<Relit> RelightWithEnvironment(const Dataset& dataset, const EnvironmentMap& map,
                                              Angle rotate);
 

@@ -6,6 +6,7 @@
 #include "absl/strings/str_join.h"
 #include "base/status.h"
 #include "base/strings.h"
+#include "base/utf8.h"
 #include "base/version.h"
 #include "client/cli/commands.h"
 #include "client/cli/options.h"
@@ -31,13 +32,8 @@ Exit codes:
 constexpr size_t kLongestOwner = 200;
 constexpr size_t kLongestNote = 500;
 
-// At most `bytes` of it, without half a UTF-8 character at the end.
-std::string Shorten(std::string text, size_t bytes) {
-  if (text.size() <= bytes) return text;
-  while (bytes > 0 && (static_cast<unsigned char>(text[bytes]) & 0xC0) == 0x80) --bytes;
-  text.resize(bytes);
-  return text;
-}
+// What is shown to others; a command line may hold file names that are no UTF-8.
+std::string Shown(const std::string& text, size_t bytes) { return CutUtf8(CleanUtf8(text), bytes); }
 
 absl::StatusOr<bool> ParseFormat(const std::string& text) {
   if (text == "json") return true;
@@ -100,8 +96,8 @@ ExitCode RunCli(const std::vector<std::string>& arguments, World& world) {
     // --help and --version come as "errors" with code 0.
     return app.exit(error, world.out, world.err) == 0 ? ExitCode::kOk : ExitCode::kUsage;
   }
-  options.owner = Shorten(std::move(options.owner), kLongestOwner);
-  options.note = Shorten(std::move(options.note), kLongestNote);
+  options.owner = Shown(options.owner, kLongestOwner);
+  options.note = Shown(options.note, kLongestNote);
 
   Session session(world, std::move(options));
   absl::StatusOr<ExitCode> code = chosen(session);

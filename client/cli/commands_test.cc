@@ -350,8 +350,16 @@ TEST_F(CommandsTest, VerifyFindsDamage) {
   EXPECT_EQ(FromJson<v1::VerifyRunResponse>(lines[0]).problems_size(), 1);
 }
 
+TEST_F(CommandsTest, TextThatOthersSeeIsUtf8) {
+  EXPECT_EQ(Run("lamps off --note caf\xe9"), 0);
+  EXPECT_EQ(daemon_.Last<v1::AcquireControlRequest>("AcquireControl").note(), "caf\ufffd");
+  EXPECT_EQ(Run("capture light-stage --detach --name caf\xe9"), 2);
+  EXPECT_THAT(err_.str(), HasSubstr("--name"));
+}
+
 TEST_F(CommandsTest, FetchCopiesAndReportsDamage) {
   daemon_.Change([](FakeState& s) {
+    s.files["runs/old"]["run.json"] = "{}";
     s.files["runs/old"]["a.exr"] = "picture a";
     s.files["runs/old"]["b.exr"] = "picture b";
     s.corrupt_file = "b.exr";
@@ -361,8 +369,8 @@ TEST_F(CommandsTest, FetchCopiesAndReportsDamage) {
   EXPECT_THAT(err_.str(), HasSubstr("b.exr came with SHA-256"));
   daemon_.Change([](FakeState& s) { s.corrupt_file = ""; });
   auto lines = RunJson("runs fetch old " + folder_ + "/here");
-  ASSERT_EQ(lines.size(), 2u);
-  EXPECT_EQ(FromJson<v1::DatasetFile>(lines[1]).path(), "b.exr");
+  ASSERT_EQ(lines.size(), 3u);
+  EXPECT_EQ(FromJson<v1::DatasetFile>(lines[2]).path(), "b.exr");
   EXPECT_EQ(*PosixEnv().ReadFile(folder_ + "/here/b.exr"), "picture b");
 }
 

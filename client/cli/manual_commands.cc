@@ -116,6 +116,7 @@ absl::StatusOr<ExitCode> Pattern(Session& session, const LightFlags& flags) {
 absl::StatusOr<ExitCode> Snap(Session& session, const SnapFlags& flags) {
   World& world = session.world();
   // Before anything lights up: a picture must not be lost to a misspelt folder.
+  if (flags.out.empty()) return UsageError("--out names no file");
   size_t slash = flags.out.rfind('/');
   if (slash != std::string::npos && slash > 0 && !world.env.Exists(flags.out.substr(0, slash))) {
     return UsageError(

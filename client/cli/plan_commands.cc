@@ -4,6 +4,7 @@
 
 #include "base/status.h"
 #include "base/strings.h"
+#include "base/utf8.h"
 #include "client/cli/commands.h"
 #include "client/cli/options.h"
 #include "client/cli/plan_flags.h"
@@ -35,6 +36,7 @@ absl::StatusOr<ExitCode> Capture(Session& session, const CaptureFlags& flags) {
   v1::StartRunRequest request;
   ASSIGN_OR_RETURN(*request.mutable_plan(), MakePlan(flags.plan, session.world().env));
   request.set_display_name(flags.name);
+  if (CleanUtf8(flags.name) != flags.name) return UsageError("--name is no UTF-8 text");
   ASSIGN_OR_RETURN(Connection * connection, session.Connect());
   v1::StartRunResponse response;
   {

@@ -8,6 +8,9 @@
 namespace lightstage::client {
 namespace {
 
+// gRPC refuses messages above 4 MiB without saying of what.
+constexpr size_t kLargestPlan = 4'000'000;
+
 void AddSharedFlags(CLI::App& program, PlanFlags& flags, const std::string& span) {
   AddParsed(program, "--azimuths", flags.azimuths, ParseCountOrAngles, "N|A,B,...",
             "Turntable positions: so many over " + span +
@@ -30,9 +33,9 @@ void SetLightStage(const PlanFlags& flags, v1::LightStage& stage) {
   } else {
     SetAngles(flags.azimuths, stage.mutable_azimuth_list());
   }
-  stage.set_span_deg(flags.span_deg);
+  if (flags.span_deg) stage.set_span_deg(*flags.span_deg);
   stage.mutable_lamps()->Add(flags.lamps.begin(), flags.lamps.end());
-  stage.set_level(flags.level);
+  if (flags.level) stage.set_level(*flags.level);
   if (flags.tilt_deg) stage.set_tilt_deg(*flags.tilt_deg);
 }
 
@@ -104,6 +107,10 @@ absl::StatusOr<v1::Plan> MakePlan(const PlanFlags& flags, Env& env) {
     auto plan = PlanFromJson(*json);
     if (!plan.ok()) {
       return UsageError(absl::StrCat(flags.file, ": ", MessageOf(plan.status())));
+    }
+    if (plan->ByteSizeLong() > kLargestPlan) {
+      return UsageError(absl::StrCat(flags.file, ": the plan takes ", plan->ByteSizeLong(),
+                                     " bytes, the daemon takes at most ", kLargestPlan));
     }
     return plan;
   }

@@ -26,9 +26,9 @@ struct PlanFlags {
   CountOrAngles azimuths = 32;
 
   // Light stage.
-  double span_deg = 0;
+  std::optional<double> span_deg;
   std::vector<int> lamps;
-  double level = 0;
+  std::optional<double> level;
   std::optional<double> tilt_deg;
 
   // Projector.

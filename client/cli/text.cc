@@ -143,7 +143,7 @@ std::string PlanText(const v1::Plan& plan) {
       text += AngleListText(stage.azimuth_list(), "azimuths");
     } else {
       absl::StrAppend(&text, stage.azimuths(), " azimuths over ",
-                      NumberText(stage.span_deg() == 0 ? 180 : stage.span_deg()), " deg");
+                      NumberText(stage.has_span_deg() ? stage.span_deg() : 180), " deg");
     }
     absl::StrAppend(
         &text, ", ",
@@ -151,7 +151,7 @@ std::string PlanText(const v1::Plan& plan) {
     if (stage.has_tilt_deg()) {
       absl::StrAppend(&text, ", projector at tilt ", Degrees(stage.tilt_deg()));
     }
-    if (stage.level() != 0 && stage.level() != 1)
+    if (stage.has_level() && stage.level() != 1)
       absl::StrAppend(&text, " at level ", NumberText(stage.level()));
   } else if (plan.has_projector_4d()) {
     const v1::Projector4d& projector = plan.projector_4d();
@@ -190,8 +190,8 @@ std::string ReasonText(const v1::Reason& reason) {
 }
 
 std::string EstimateText(const v1::Plan& plan, const v1::EstimateRunResponse& e) {
-  std::string bytes = absl::StrCat(BytesText(e.bytes()), " (", BytesText(e.free_bytes()), " free)");
-  if (e.bytes() > e.free_bytes()) bytes += ": too much for this disk";
+  const std::string bytes =
+      absl::StrCat(BytesText(e.bytes()), " (", BytesText(e.free_bytes()), " free)");
   std::string text = absl::StrCat(PlanText(plan), "\n",
                                   Table({{"shots", absl::StrCat(e.shots())},
                                          {"extraShots", absl::StrCat(e.extra_shots())},

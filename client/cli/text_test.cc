@@ -81,7 +81,7 @@ TEST(EstimateText, NamesTheFieldsAsTheApiDoes) {
             "exposures        3846\n"
             "positions        32\n"
             "durationSeconds  1:02:03\n"
-            "bytes            2.0 GiB (1.0 GiB free): too much for this disk\n"
+            "bytes            2.0 GiB (1.0 GiB free)\n"
             "note: the camera rounds 333 us to 332 us\n");
 }
 

@@ -16,6 +16,7 @@ namespace lightstage::client {
 namespace {
 
 constexpr uint64_t kHashChunk = uint64_t{4} << 20;
+constexpr char kRunFile[] = "run.json";  // docs/DATASET.md
 
 class Sha256 {
  public:
@@ -89,9 +90,40 @@ class Fetcher {
     return files;
   }
 
+  // A folder belongs to the run whose run.json, which never changes, lies in it; that is therefore fetched first. A folder without one
+  // must be empty.
+  absl::Status Claim(std::vector<v1::DatasetFile>& files) {
+    auto header = std::find_if(files.begin(), files.end(),
+                               [](const v1::DatasetFile& f) { return f.path() == kRunFile; });
+    if (header == files.end()) {
+      return Error(absl::StatusCode::kDataLoss, "RUN_FILE_MISSING",
+                   absl::StrCat("the daemon lists no ", kRunFile, " in ", name_), {{"run", name_}});
+    }
+    std::rotate(files.begin(), header, header + 1);
+    if (!env_.Exists(LocalPath(files[0]))) {
+      ASSIGN_OR_RETURN(std::vector<std::string> names, env_.List(folder_));
+      std::erase_if(names, [](const std::string& name) { return name.ends_with(".tmp"); });
+      if (names.empty()) return absl::OkStatus();
+      return Error(absl::StatusCode::kFailedPrecondition, "FOLDER_NOT_EMPTY",
+                   absl::StrCat(folder_, " holds ", names[0],
+                                ", but no run: give an empty folder, or "
+                                "one that an earlier fetch of this run left"),
+                   {{"path", folder_}});
+    }
+    ASSIGN_OR_RETURN(std::string here, env_.ReadFile(LocalPath(files[0])));
+    ASSIGN_OR_RETURN(std::string there, Read(files[0]));
+    header_is_here_ = here == there;
+    if (header_is_here_) return absl::OkStatus();
+    return Error(
+        absl::StatusCode::kFailedPrecondition, "FOLDER_HOLDS_ANOTHER_RUN",
+        absl::StrCat(LocalPath(files[0]), " is not that of ", name_, ": give another folder"),
+        {{"path", folder_}, {"run", name_}});
+  }
+
   // True if the file is here already, as recorded.
   absl::StatusOr<bool> IsHere(const v1::DatasetFile& file) {
     std::string path = LocalPath(file);
+    if (file.path() == kRunFile) return header_is_here_;
     if (file.sha256().empty() || !env_.Exists(path)) return false;
     ASSIGN_OR_RETURN(uint64_t size, env_.FileSize(path));
     if (size != static_cast<uint64_t>(file.bytes())) return false;
@@ -170,6 +202,7 @@ class Fetcher {
   Env& env_;
   FetchOptions& options_;
   Canceller& canceller_;
+  bool header_is_here_ = false;
   std::set<std::string> folders_;  // that something was written into
 };
 
@@ -182,6 +215,7 @@ absl::StatusOr<FetchResult> FetchRun(
   RETURN_IF_ERROR(env.CreateDirectories(folder));
   Fetcher fetcher(connection, name, folder, env, options, canceller);
   ASSIGN_OR_RETURN(std::vector<v1::DatasetFile> files, fetcher.List());
+  RETURN_IF_ERROR(fetcher.Claim(files));
   FetchResult result;
   FetchProgress& progress = result.progress;
   progress.total_files = static_cast<int>(files.size());

@@ -26,6 +26,7 @@ class FetchRunTest : public ::testing::Test {
       auto& files = s.files["runs/a"];
       files["journal"] = "not checksummed";
       files["manifest.json"] = "{}";
+      files["run.json"] = "a";
       files["shots/000.exr"] = std::string(3000, 'a');
       files["shots/001.exr"] = std::string(3000, 'b');
       files["shots/002.exr"] = "";
@@ -75,12 +76,12 @@ TEST_F(FetchRunTest, CopiesEveryFileOverPages) {
   daemon_.Change([](FakeState& s) { s.files_per_page = 2; });
   auto result = Fetch();
   ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->progress.fetched_files, 5);
-  EXPECT_EQ(result->progress.total_bytes, 6017);
-  EXPECT_EQ(result->progress.done_bytes, 6017);
+  EXPECT_EQ(result->progress.fetched_files, 6);
+  EXPECT_EQ(result->progress.total_bytes, 6018);
+  EXPECT_EQ(result->progress.done_bytes, 6018);
   EXPECT_THAT(result->problems, IsEmpty());
-  EXPECT_THAT(files_, ElementsAre("journal", "manifest.json", "shots/000.exr", "shots/001.exr",
-                                  "shots/002.exr"));
+  EXPECT_THAT(files_, ElementsAre("run.json", "journal", "manifest.json", "shots/000.exr",
+                                  "shots/001.exr", "shots/002.exr"));
   const auto files = daemon_.Snapshot().files.at("runs/a");
   for (const auto& [path, bytes] : files) {
     EXPECT_EQ(Local(path), bytes);
@@ -95,8 +96,8 @@ TEST_F(FetchRunTest, SkipsWhatIsThereWholeAndRepairsWhatIsNot) {
   daemon_.Change([](FakeState& s) { s.calls.clear(); });
   auto result = Fetch();
   ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->progress.skipped_files, 2);
-  EXPECT_THAT(Read(), ElementsAre("journal", "manifest.json", "shots/000.exr"));
+  EXPECT_EQ(result->progress.skipped_files, 3);
+  EXPECT_THAT(Read(), ElementsAre("run.json", "journal", "manifest.json", "shots/000.exr"));
   EXPECT_EQ(Local("shots/000.exr"), std::string(3000, 'a'));
 }
 
@@ -113,7 +114,7 @@ TEST_F(FetchRunTest, AByteCorruptedOnTheWayIsFoundAndNotWritten) {
 }
 
 TEST_F(FetchRunTest, GoesOnAtTheSameByteWhenTheConnectionBreaks) {
-  daemon_.Change([](FakeState& s) { s.answers_before_break = 4; });  // in the middle of 000.exr
+  daemon_.Change([](FakeState& s) { s.answers_before_break = 5; });  // in the middle of 000.exr
   auto result = Fetch();
   ASSERT_TRUE(result.ok()) << result.status();
   EXPECT_THAT(result->problems, IsEmpty());
@@ -145,8 +146,30 @@ TEST_F(FetchRunTest, AFullDiskEndsItAndLeavesNoPartOfAFile) {
   env_.FreeDisk();
   auto result = Fetch();
   ASSERT_TRUE(result.ok()) << result.status();
-  EXPECT_EQ(result->progress.skipped_files, 1);
+  EXPECT_EQ(result->progress.skipped_files, 2);
   EXPECT_EQ(Local("shots/001.exr"), std::string(3000, 'b'));
+}
+
+TEST_F(FetchRunTest, AFolderOfAnotherRunIsLeftAsItIs) {
+  ASSERT_TRUE(Fetch().ok());
+  daemon_.Change([](FakeState& s) {
+    s.files["runs/a"]["run.json"] = "b";
+    s.files["runs/a"]["shots/000.exr"] = "of another run";
+  });
+  EXPECT_EQ(ErrorReason(Fetch().status()), "FOLDER_HOLDS_ANOTHER_RUN");
+  EXPECT_EQ(Local("run.json"), "a");
+  EXPECT_EQ(Local("shots/000.exr"), std::string(3000, 'a'));
+}
+
+TEST_F(FetchRunTest, AFolderWithOtherFilesIsRefused) {
+  std::filesystem::create_directory(folder_);
+  ASSERT_TRUE(env_.WriteFile(folder_ + "/manifest.json", "mine").ok());
+  absl::Status status = Fetch().status();
+  EXPECT_EQ(ErrorReason(status), "FOLDER_NOT_EMPTY");
+  EXPECT_EQ(Local("manifest.json"), "mine");
+  // What a fetch that was killed at once left is no obstacle.
+  std::filesystem::rename(folder_ + "/manifest.json", folder_ + "/run.json.0.tmp");
+  EXPECT_TRUE(Fetch().ok());
 }
 
 TEST_F(FetchRunTest, SaysWhenThereIsNoSuchRun) {

@@ -40,12 +40,14 @@ absl::StatusOr<std::unique_ptr<RigFile>> LoadRigFile(const std::string& path,
   return ParseRigFile(text, path, drivers);
 }
 
-// Serves until SIGTERM or SIGINT.
+// Serves until one of `signals` comes.
 absl::Status Serve(const Arguments& arguments, const RigFile& file, const sigset_t& signals) {
   // One daemon per data directory comes before any device: a second one must not even open them.
   std::unique_ptr<Env> env = MakePosixEnv({.direct_io = file.store.direct_io});
   // Clients are told where a dataset is: that must not depend on where the daemon was started.
-  std::string folder = std::filesystem::absolute(arguments.data).lexically_normal();
+  std::error_code error;
+  std::string folder = std::filesystem::absolute(arguments.data, error).lexically_normal();
+  if (error) return ErrnoError(error.value(), "find the working directory for", arguments.data);
   ASSIGN_OR_RETURN(std::unique_ptr<DataDirectory> data, DataDirectory::Open(*env, folder));
 
   std::unique_ptr<Clock> clock;
@@ -85,6 +87,8 @@ int Main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     if (!arguments.check && data->count() == 0) throw CLI::RequiredError("--data");
+    if (data->count() > 0 && arguments.data.empty())
+      throw CLI::ValidationError("--data", "names no folder");
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
@@ -93,14 +97,6 @@ int Main(int argc, char** argv) {
   KeepFrameMemory();
   spdlog::set_default_logger(spdlog::stderr_logger_mt("lightstaged"));
   spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
-  // Before any thread: all of them leave these signals to Serve().
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
-
   auto fail = [](const absl::Status& status) {
     std::cerr << "lightstaged: " << MessageOf(status) << "\n";
     return 1;
@@ -114,6 +110,12 @@ int Main(int argc, char** argv) {
     std::cout << arguments.rig_file << ": good\n";
     return 0;
   }
+  // Before any thread: all of them leave these signals to Serve(). Not before the rig file is read, which can be a pipe.
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (int signal : {SIGTERM, SIGINT, SIGHUP, SIGQUIT}) sigaddset(&signals, signal);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
   absl::Status served = Serve(arguments, **file, signals);
   return served.ok() ? 0 : fail(served);
 }

@@ -30,8 +30,9 @@ absl::Status CheckDistinct(const std::vector<Angle>& angles, bool turn, std::str
   for (size_t i = 1; i < sorted.size(); ++i) {
     if (sorted[i] - sorted[i - 1] >= kSameAngleDegrees) continue;
     return Invalid(reason,
-                   absl::StrFormat("%s %g deg is given twice: every position is captured once",
-                                   name, sorted[i - 1]),
+                   absl::StrFormat("%s %g deg is given twice: every position is captured once, and "
+                                   "less than %g deg apart they are one",
+                                   name, sorted[i - 1], kSameAngleDegrees),
                    {{absl::StrCat(name, "_deg"), absl::StrCat(sorted[i - 1])}});
   }
   return absl::OkStatus();
@@ -74,7 +75,7 @@ absl::Status ResolveExposures(const RigFacts& facts, ResolvedPlan& resolved) {
     exposure = result.exposure;
   }
   // Two exposures may have been adjusted to one, or past a limit.
-  return CheckExposures(exposures, facts);
+  return Annotate(CheckExposures(exposures, facts), "as the camera adjusts the exposures");
 }
 
 // The reachable tilt nearest to the zenith.

@@ -75,6 +75,14 @@ absl::Status CheckLampLevels(const std::vector<LampLevel>& lamps, const RigFacts
                      absl::StrFormat("lamp %d: level %g is outside [0, 1]", lamp.lamp, lamp.level),
                      {{"lamp", absl::StrCat(lamp.lamp)}, {"level", absl::StrCat(lamp.level)}});
     }
+    // Half a step rounds up, as the devices' std::round does.
+    if (int steps = facts.lamps->steps; lamp.level > 0 && steps > 0 && lamp.level * steps < 0.5) {
+      return Invalid("LAMP_LEVEL",
+                     absl::StrFormat("lamp %d: level %g is dark on these lamps, which have %d "
+                                     "steps: at least %.4g, or 0",
+                                     lamp.lamp, lamp.level, steps, 0.5 / steps),
+                     {{"lamp", absl::StrCat(lamp.lamp)}, {"level", absl::StrCat(lamp.level)}});
+    }
     on += lamp.level > 0;
     seen.push_back(lamp.lamp);
   }

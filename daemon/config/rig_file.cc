@@ -122,7 +122,8 @@ EngineOptions ParseEngine(const TomlTable& table) {
   engine.max_attempts = static_cast<int>(table.Int("max_attempts", 1, 100, 3));
   engine.device_timeout = table.Time("device_timeout_ms", 1, 600e3, 5e3);
   engine.heartbeat = table.Time("heartbeat_ms", 100, 600e3, 2e3);
-  engine.lamp_time_to_dark = table.Time("lamp_time_to_dark_ms", 0, 600e3, 0);
+  if (table.Has("lamp_time_to_dark_ms"))
+    engine.lamp_time_to_dark = table.Time("lamp_time_to_dark_ms", 0, 600e3);
   return engine;
 }
 

@@ -3,6 +3,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -39,10 +40,11 @@ struct StoreOptions {
 };
 
 struct EngineOptions {
-  int max_attempts = 0;          // per shot, the first included
-  Duration device_timeout{};     // for a confirmation, beyond the time the operation itself takes
-  Duration heartbeat{};          // control lease
-  Duration lamp_time_to_dark{};  // 0: not used
+  int max_attempts = 0;       // per shot, the first included
+  Duration device_timeout{};  // for a confirmation, beyond the time the operation itself takes
+  Duration heartbeat{};       // control lease
+  // 0: not used. Unset: 3 s, or what the lamps can do if that is less.
+  std::optional<Duration> lamp_time_to_dark;
 };
 
 struct CameraOptions {

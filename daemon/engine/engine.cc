@@ -9,6 +9,9 @@
 namespace lightstage {
 namespace {
 
+// How long the light of the next shot may be on while the store has no room for the last one.
+constexpr std::chrono::seconds kPatience(5);
+
 // How far a reported position may be from the commanded one when the exposure begins. A move confirms within the axis' tolerance; an
 // axis that has since been pushed has not.
 absl::Status CheckHeld(const Axis* axis, AxisId id, Angle commanded, Angle reported) {
@@ -52,17 +55,14 @@ RunProgress Engine::progress() const {
 
 absl::Status Engine::Apply(RunEvent event, const absl::Status& reason) {
   MutexLock order(&apply_mutex_);
-  RunState next;
-  {
-    MutexLock lock(&mutex_);
-    ASSIGN_OR_RETURN(next, NextState(progress_.state, event));
-    progress_.state = next;
-    progress_.reason = reason;
-    changed_.SignalAll();
-  }
+  ASSIGN_OR_RETURN(RunState next, NextState(state(), event));
   spdlog::info("run: {} ({}{}{})", RunStateName(next), RunEventName(event), reason.ok() ? "" : ": ",
                MessageOf(reason));
   hooks_.state_changed(next, reason);
+  MutexLock lock(&mutex_);
+  progress_.state = next;
+  progress_.reason = reason;
+  changed_.SignalAll();
   return absl::OkStatus();
 }
 
@@ -115,7 +115,6 @@ RunState Engine::Run(ShotSink& sink) {
     }
     auto next = Next(sink);
     if (!next.ok()) {
-      Collect(sink);
       (void)Apply(RunEvent::kFail, next.status());
       break;
     }
@@ -124,10 +123,8 @@ RunState Engine::Run(ShotSink& sink) {
       if (!taken.ok()) Failed(**next, taken);
       continue;
     }
-    Collect(sink);
-    sink.Drain();
-    TakeOutcomes();
-    if (!again_.empty() || request_ || state() != RunState::kRunning) continue;
+    Settle(sink);
+    if (!again_.empty() || state() != RunState::kRunning) continue;
     GoDark();
     absl::Status finished = hooks_.finish();
     if (!finished.ok()) {
@@ -138,8 +135,7 @@ RunState Engine::Run(ShotSink& sink) {
     if (Apply(RunEvent::kFinished, absl::OkStatus()).ok()) return RunState::kSucceeded;
   }
   // Cancelled, interrupted or failed: what was captured is stored all the same.
-  Collect(sink);
-  sink.Drain();
+  Settle(sink);
   GoDark();
   if (state() == RunState::kCancelling) (void)Apply(RunEvent::kEnded, absl::OkStatus());
   return state();
@@ -148,7 +144,6 @@ RunState Engine::Run(ShotSink& sink) {
 absl::Status Engine::Prepare() {
   if (resumption_ && !resumption_done_) RETURN_IF_ERROR(rig_.HomeAll());
   RETURN_IF_ERROR(rig_.ArmCamera());
-  camera_suspect_ = false;
   if (resumption_ && !resumption_done_) {
     if (resumption_->reference) RETURN_IF_ERROR(CompareReference());
     resumption_done_ = true;
@@ -158,11 +153,12 @@ absl::Status Engine::Prepare() {
 
 absl::Status Engine::CompareReference() {
   Attempt attempt{.shot = *resumption_->reference};
+  uint64_t since = rig_.disturbances();
   auto posing = rig_.StartPose(attempt.shot.pose);
   auto lighting = rig_.StartCondition(attempt.shot.condition);
   RETURN_IF_ERROR(posing->Wait());
   RETURN_IF_ERROR(lighting->Wait());
-  RETURN_IF_ERROR(Expose(attempt));
+  RETURN_IF_ERROR(Expose(attempt, lighting->lamp_levels(), since));
   InFlight taken = *std::exchange(in_flight_, std::nullopt);
   ASSIGN_OR_RETURN(std::vector<Frame> frames, taken.bracket.TakeFrames());
   resumption_done_ = true;  // whatever it says, it is said once
@@ -172,15 +168,20 @@ absl::Status Engine::CompareReference() {
 absl::StatusOr<std::optional<Engine::Attempt>> Engine::Next(ShotSink& sink) {
   while (true) {
     if (!again_.empty()) {
-      if (request_) {
-        Hold(Error(absl::StatusCode::kUnavailable, "OPERATOR_REQUEST", request_->message,
-                   {{"request", request_->message}}));
-        request_.reset();
-        return std::nullopt;
-      }
       Attempt attempt = std::move(again_.front());
       again_.pop_front();
       return attempt;
+    }
+    if (after_request_) {
+      // What came before the request is taken, retakes and all, before the operator changes the scene.
+      Settle(sink);
+      if (state() != RunState::kRunning) return std::nullopt;
+      if (!again_.empty()) continue;
+      again_.push_back(*std::exchange(after_request_, std::nullopt));
+      Hold(Error(absl::StatusCode::kUnavailable, "OPERATOR_REQUEST", request_->message,
+                 {{"request", request_->message}}));
+      request_.reset();
+      return std::nullopt;
     }
     ASSIGN_OR_RETURN(Step step, program_.Next(results_));
     if (auto* shot = std::get_if<Shot>(&step)) {
@@ -189,13 +190,16 @@ absl::StatusOr<std::optional<Engine::Attempt>> Engine::Next(ShotSink& sink) {
         continue;
       }
       RETURN_IF_ERROR(CheckShot(*shot, facts_));
-      again_.push_back({std::move(*shot), 1, rig_.file().engine.max_attempts});
+      Attempt attempt{std::move(*shot), 1, rig_.file().engine.max_attempts};
+      if (request_) {
+        after_request_ = std::move(attempt);
+      } else {
+        again_.push_back(std::move(attempt));
+      }
     } else if (auto* request = std::get_if<OperatorRequest>(&step)) {
       request_ = std::move(*request);
     } else if (std::holds_alternative<AwaitResults>(step)) {
-      Collect(sink);
-      sink.Drain();
-      TakeOutcomes();
+      Settle(sink);
       if (state() != RunState::kRunning) return std::nullopt;
     } else {
       request_.reset();
@@ -209,48 +213,64 @@ absl::Status Engine::Take(const Attempt& attempt, ShotSink& sink) {
     MutexLock lock(&mutex_);
     progress_.pose = attempt.shot.pose;
   }
+  uint64_t since = rig_.disturbances();
   auto posing = rig_.StartPose(attempt.shot.pose);
   auto lighting = rig_.StartCondition(attempt.shot.condition);
-  Collect(sink);
+  bool darkened = false;
+  // This shot's light is on already, and nobody knows how long a disk takes to come back.
+  Collect(sink, [&] {
+    (void)lighting->Wait();
+    Darken();
+    darkened = true;
+  });
+  if (darkened) lighting = rig_.StartCondition(attempt.shot.condition);
   absl::Status posed = posing->Wait();
   absl::Status lit = lighting->Wait();
   RETURN_IF_ERROR(posed);
   RETURN_IF_ERROR(lit);
-  if (camera_suspect_) {
-    (void)rig_.DisarmCamera();  // what it was doing is of no interest; whether it arms is
-    RETURN_IF_ERROR(rig_.ArmCamera());
-    camera_suspect_ = false;
-  }
-  return Expose(attempt);
+  RETURN_IF_ERROR(rig_.ArmCamera());
+  return Expose(attempt, lighting->lamp_levels(), since);
 }
 
-absl::Status Engine::Expose(const Attempt& attempt) {
+absl::Status Engine::Expose(const Attempt& attempt, const std::vector<float>& lamp_levels,
+                            uint64_t since) {
   const Shot& shot = attempt.shot;
   ASSIGN_OR_RETURN(Pose reported, rig_.ReadPose());
   RETURN_IF_ERROR(CheckHeld(rig_.axis(AxisId::kTurntable), AxisId::kTurntable, shot.pose.azimuth,
                             reported.azimuth));
   RETURN_IF_ERROR(
       CheckHeld(rig_.axis(AxisId::kTilt), AxisId::kTilt, shot.pose.tilt, reported.tilt));
-  in_flight_.emplace(InFlight{attempt, reported, rig_.WallNow(), Bracket(rig_, shot.exposures)});
+  in_flight_.emplace(
+      InFlight{attempt, reported, rig_.WallNow(), Bracket(rig_, shot.exposures, since)});
+  // The record says what the lamps really did.
+  for (LampLevel& lamp : in_flight_->attempt.shot.condition.lamps)
+    lamp.level = lamp_levels[lamp.lamp];
   absl::Status exposed = in_flight_->bracket.Expose();
-  if (!exposed.ok()) {
-    in_flight_.reset();
-    camera_suspect_ = true;
-  }
+  if (!exposed.ok()) in_flight_.reset();
   return exposed;
 }
 
-void Engine::Collect(ShotSink& sink) {
+void Engine::Collect(ShotSink& sink, absl::FunctionRef<void()> stalled) {
   if (!in_flight_) return;
   InFlight taken = *std::exchange(in_flight_, std::nullopt);
   auto frames = taken.bracket.TakeFrames();
   if (!frames.ok()) {
-    camera_suspect_ = true;
     Failed(taken.attempt, frames.status());
     return;
   }
   unstored_[taken.attempt.shot.id] = taken.attempt;
-  sink.Put(Raw(std::move(taken), *std::move(frames)));
+  sink.Put(Raw(std::move(taken), *std::move(frames)), kPatience, [&] {
+    spdlog::warn("run: the store has taken no shot for {} s: dark until it does",
+                 Seconds(kPatience));
+    stalled();
+  });
+}
+
+void Engine::Settle(ShotSink& sink) {
+  Collect(sink, [this] { Darken(); });
+  Darken();
+  sink.Drain();
+  TakeOutcomes();
 }
 
 RawShot Engine::Raw(InFlight taken, std::vector<Frame> frames) {
@@ -265,7 +285,7 @@ RawShot Engine::Raw(InFlight taken, std::vector<Frame> frames) {
 
 void Engine::Failed(const Attempt& attempt, const absl::Status& status) {
   again_.push_back(attempt);
-  absl::Status stopped = rig_.CheckRunning();
+  absl::Status stopped = rig_.stop_reason();
   if (!stopped.ok()) {
     Hold(stopped);  // not the shot's fault: it does not count
     return;
@@ -300,22 +320,23 @@ void Engine::TakeOutcomes() {
   }
 }
 
-void Engine::GoDark() {
+void Engine::Darken() {
   absl::Status dark = rig_.Dark();
-  if (!dark.ok()) {
-    // Light that may still be on is what the latch is for.
-    absl::Status stopped = rig_.Stop(Annotate(dark, "not confirmed dark"));
-    if (!stopped.ok()) spdlog::error("rig: {}", MessageOf(stopped));
-  }
+  if (dark.ok()) return;
+  // Light that may still be on is what the latch is for.
+  absl::Status stopped = rig_.Stop(Annotate(dark, "not confirmed dark"));
+  if (!stopped.ok()) spdlog::error("rig: {}", MessageOf(stopped));
+}
+
+void Engine::GoDark() {
+  Darken();
   absl::Status disarmed = rig_.DisarmCamera();
   if (!disarmed.ok()) spdlog::warn("run: {}", MessageOf(disarmed));
 }
 
 void Engine::PauseHere(ShotSink& sink) {
-  Collect(sink);
+  Settle(sink);
   GoDark();
-  sink.Drain();
-  TakeOutcomes();
   (void)Apply(RunEvent::kPausedNow, progress().reason);  // refused if cancelled meanwhile
   {
     MutexLock lock(&mutex_);

@@ -37,7 +37,8 @@ struct RunProgress {
 class Engine {
  public:
   struct Hooks {
-    // The state or its reason changed. Called in order, from any thread; must not call back into the engine.
+    // The state or its reason changes; progress() tells it afterwards, when it is kept. Called in order, from any thread; must not
+    // call back into the engine.
     std::function<void(RunState, const absl::Status& reason)> state_changed;
     // Everything is stored: completes the dataset. Its error holds the run, and resuming tries again.
     std::function<absl::Status()> finish;
@@ -91,14 +92,22 @@ class Engine {
   absl::StatusOr<std::optional<Attempt>> Next(ShotSink& sink);
   // Poses, lights and exposes; the shot before is collected meanwhile. Leaves the shot in flight.
   absl::Status Take(const Attempt& attempt, ShotSink& sink);
-  absl::Status Expose(const Attempt& attempt);
-  void Collect(ShotSink& sink);
+  // `lamp_levels` as confirmed; `since`: Bracket's.
+  absl::Status Expose(const Attempt& attempt, const std::vector<float>& lamp_levels,
+                      uint64_t since);
+  // Puts the shot in flight, if there is one, into the sink; `stalled` is called if that takes long.
+  void Collect(ShotSink& sink, absl::FunctionRef<void()> stalled);
+  // Collects, goes dark, and waits until everything captured so far is stored or to be taken again.
+  void Settle(ShotSink& sink);
   static RawShot Raw(InFlight taken, std::vector<Frame> frames);
   // Queues the shot again, or holds the run if it has had all its attempts.
   void Failed(const Attempt& attempt, const absl::Status& status);
   void TakeOutcomes();
   // Winds up to the shot boundary, goes dark, waits.
   void PauseHere(ShotSink& sink);
+  // Latches the rig if that is not confirmed.
+  void Darken();
+  // Also disarms the camera.
   void GoDark();
   absl::Status Apply(RunEvent event, const absl::Status& reason);
   RunState state() const;
@@ -118,8 +127,8 @@ class Engine {
   std::optional<InFlight> in_flight_;
   std::optional<OperatorRequest>
       request_;  // yielded, and due before the next shot that has no record
+  std::optional<Attempt> after_request_;  // that shot
   bool resumption_done_ = false;
-  bool camera_suspect_ = false;  // arm it anew before the next exposure
 
   Mutex apply_mutex_;  // before mutex_: keeps state changes and their reports in one order
   mutable Mutex mutex_;

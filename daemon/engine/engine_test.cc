@@ -1,6 +1,8 @@
 #include "daemon/engine/engine.h"
 
 #include <atomic>
+#include <cmath>
+#include <functional>
 #include <set>
 #include <thread>
 
@@ -49,6 +51,7 @@ class ScriptedCamera final : public Camera {
   ConfigResult Validate(const CameraConfig& c) const override { return null_.Validate(c); }
   ExposureResult ValidateExposure(Duration d) const override { return null_.ValidateExposure(d); }
   void Configure(const CameraConfig& c, TimePoint t, Completion<CameraConfig> d) override {
+    log_.Add(clock_, "configure");
     null_.Configure(c, t, std::move(d));
   }
   void Arm(TimePoint t, Completion<CameraConfig> d) override { null_.Arm(t, std::move(d)); }
@@ -57,6 +60,7 @@ class ScriptedCamera final : public Camera {
                Completion<Frame> ready) override {
     int number = ++triggers_;
     log_.Add(clock_, "trigger");
+    if (on_trigger) on_trigger(number);
     if (silent.count(number)) {
       clock_.At(deadline, [e = std::move(ended), r = std::move(ready)]() mutable {
         absl::Status silent = Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT", "silent");
@@ -86,6 +90,7 @@ class ScriptedCamera final : public Camera {
     });
   }
 
+  std::function<void(int)> on_trigger;
   std::set<int> silent, incomplete;    // by trigger number, from 1
   std::atomic<int> all_incomplete{0};  // from this trigger on
 
@@ -108,8 +113,12 @@ class SlowLamps final : public Lamps {
   void Set(const std::vector<float>& levels, TimePoint, Completion<LampsState> done) override {
     log_.Add(clock_, "lamps");
     lit = *std::max_element(levels.begin(), levels.end()) > 0;
+    std::vector<float> confirmed = levels;
+    if (steps > 0)
+      for (float& level : confirmed) level = std::round(level * steps) / steps;
+    if (dead >= 0) confirmed[dead] = 0;
     clock_.At(clock_.Now() + info_.settle,
-              [levels, d = std::move(done)]() mutable { std::move(d)(LampsState{levels}); });
+              [confirmed, d = std::move(done)]() mutable { std::move(d)(LampsState{confirmed}); });
   }
   void Dark(TimePoint, Completion<LampsState> done) override {
     log_.Add(clock_, "dark");
@@ -119,7 +128,10 @@ class SlowLamps final : public Lamps {
   absl::Status SetTimeToDark(Duration) override { return absl::OkStatus(); }
   absl::Status Refresh() override { return absl::OkStatus(); }
 
+  void SetSteps(int n) { info_.steps = steps = n; }
   std::atomic<bool> lit{false};
+  int dead = -1;  // this lamp never shines
+  int steps = 0;
 
  private:
   Clock& clock_;
@@ -240,7 +252,11 @@ class EngineTest : public testing::Test, public ShotSink, public Results {
         return RunState::kFailed;
       }
     }
-    return states_[n - 1];
+    RunState state = states_[n - 1];
+    // It is reported to be kept, and can be acted upon a moment later.
+    while (states_.size() == n && engine_->progress().state != state)
+      changed_.WaitFor(&mutex_, milliseconds(1));
+    return state;
   }
   RunState Join() {
     thread_.join();
@@ -254,7 +270,11 @@ class EngineTest : public testing::Test, public ShotSink, public Results {
   }
 
   // ShotSink
-  void Put(RawShot shot) override {
+  void Put(RawShot shot, std::chrono::nanoseconds, absl::FunctionRef<void()> stalled) override {
+    if (stalls_.erase(shot.shot.id)) {
+      stalled();
+      EXPECT_FALSE(lamps_->lit) << "while the store does not take shot " << shot.shot.id;
+    }
     absl::Status stored;
     {
       MutexLock lock(&mutex_);
@@ -262,6 +282,7 @@ class EngineTest : public testing::Test, public ShotSink, public Results {
         stored = Error(absl::StatusCode::kResourceExhausted, "DISK_FULL", "no space left");
       } else {
         ids_.push_back(shot.shot.id);
+        levels_.push_back(shot.shot.condition.lamps.at(0).level);
         attempts_.push_back(shot.attempt);
         frames_ += shot.frames.size();
       }
@@ -306,6 +327,8 @@ class EngineTest : public testing::Test, public ShotSink, public Results {
   absl::Status reason_ ABSL_GUARDED_BY(mutex_);
   std::vector<uint64_t> ids_ ABSL_GUARDED_BY(mutex_);
   std::vector<int> attempts_ ABSL_GUARDED_BY(mutex_);
+  std::vector<double> levels_ ABSL_GUARDED_BY(mutex_);
+  std::set<uint64_t> stalls_;  // the engine's thread only
   size_t frames_ ABSL_GUARDED_BY(mutex_) = 0;
   std::set<uint64_t> refuse_once_ ABSL_GUARDED_BY(mutex_);
 };
@@ -431,7 +454,7 @@ TEST_F(EngineTest, StopLatchesPausesAndNeedsReset) {
   while (count() < 5) std::this_thread::yield();
   ASSERT_TRUE(rig_->Stop(Error(absl::StatusCode::kAborted, "STOP_ASKED", "smoke")).ok());
   ASSERT_EQ(WaitState(2), RunState::kPaused);
-  EXPECT_EQ(ErrorReason(reason()), "RIG_STOPPED");
+  EXPECT_EQ(ErrorReason(reason()), "STOP_ASKED");
   EXPECT_FALSE(lamps_->lit);
   EXPECT_EQ(ErrorReason(engine_->Resume()), "RIG_STOPPED");
   size_t before = log_.entries().size();
@@ -447,6 +470,95 @@ TEST_F(EngineTest, StopLatchesPausesAndNeedsReset) {
   std::set<uint64_t> unique(taken.begin(), taken.end());
   EXPECT_EQ(unique.size(), taken.size()) << "a shot was stored twice";
   EXPECT_EQ(*unique.rbegin(), unique.size() - 1) << "a shot was left out";
+}
+
+// Stops (or halts) the rig in the middle of the 3rd exposure, which is shot 2's.
+TEST_F(EngineTest, AShotDarkenedByStopIsNotStoredButTakenAgain) {
+  Open();
+  camera_->on_trigger = [this](int number) {
+    if (number != 3) return;
+    clock_.At(clock_.Now() + milliseconds(5), [this] {
+      ASSERT_TRUE(rig_->Stop(Error(absl::StatusCode::kAborted, "STOP_ASKED", "smoke")).ok());
+    });
+  };
+  Start(Shots(5));
+  ASSERT_EQ(WaitState(2), RunState::kPaused);
+  EXPECT_EQ(ErrorReason(reason()), "STOP_ASKED");
+  EXPECT_THAT(ids(), ElementsAre(0, 1));
+  ASSERT_TRUE(rig_->Reset().ok());
+  ASSERT_TRUE(engine_->Resume().ok());
+  ASSERT_EQ(Join(), RunState::kSucceeded);
+  EXPECT_THAT(ids(), ElementsAre(0, 1, 2, 3, 4));
+  EXPECT_EQ(engine_->progress().retakes, 0u) << "a stop is not the shot's fault";
+}
+
+TEST_F(EngineTest, AShotDarkenedWithoutStopIsTakenAgain) {
+  Open();
+  camera_->on_trigger = [this](int number) {
+    if (number != 3) return;
+    clock_.At(clock_.Now() + milliseconds(5), [this] { ASSERT_TRUE(rig_->Halt().ok()); });
+  };
+  Start(Shots(5));
+  ASSERT_EQ(Join(), RunState::kSucceeded);
+  EXPECT_EQ(engine_->progress().retakes, 1u);
+  auto taken = ids();
+  std::sort(taken.begin(), taken.end());
+  EXPECT_THAT(taken, ElementsAre(0, 1, 2, 3, 4));
+}
+
+TEST_F(EngineTest, ALampThatConfirmsAnotherLevelIsNotExposed) {
+  Open();
+  lamps_->dead = 1;
+  Start(Shots(3));
+  ASSERT_EQ(WaitState(2), RunState::kPaused);
+  EXPECT_EQ(ErrorReason(reason()), "LIGHT_NOT_CONFIRMED");
+  EXPECT_THAT(MessageOf(reason()), testing::HasSubstr("lamp 1: set to 1, the device confirmed 0"));
+  EXPECT_THAT(ids(), ElementsAre(0));
+}
+
+TEST_F(EngineTest, TheRecordSaysWhatTheLampsCanDo) {
+  Open();
+  lamps_->SetSteps(255);
+  Shot half = ShotOf(0, 0, 0);
+  half.condition.lamps[0].level = 0.5;
+  Start({half});
+  ASSERT_EQ(Join(), RunState::kSucceeded);
+  MutexLock lock(&mutex_);
+  EXPECT_THAT(levels_, ElementsAre(testing::DoubleNear(128 / 255.0, 1e-6)));
+}
+
+TEST_F(EngineTest, LightGoesOutWhileTheStoreTakesNothing) {
+  Open();
+  stalls_ = {1};
+  bool lit = true;
+  camera_->on_trigger = [&](int) { lit &= lamps_->lit; };
+  Start(Shots(4));
+  ASSERT_EQ(Join(), RunState::kSucceeded);
+  EXPECT_TRUE(lit) << "a shot was exposed in the dark";
+  EXPECT_EQ(engine_->progress().retakes, 0u);
+  EXPECT_THAT(ids(), ElementsAre(0, 1, 2, 3));
+}
+
+TEST_F(EngineTest, AFailedCameraIsConfiguredAnew) {
+  Open();
+  camera_->silent = {2};
+  Start(Shots(3));
+  ASSERT_EQ(Join(), RunState::kSucceeded);
+  EXPECT_LT(log_.At("trigger", 1), log_.At("configure", 1)) << "a lost camera is reconnected so";
+  EXPECT_LE(log_.At("configure", 1), log_.At("trigger", 2));
+}
+
+TEST_F(EngineTest, RetakesComeBeforeTheOperatorChangesTheScene) {
+  Open();
+  camera_->incomplete = {2};
+  Start({ShotOf(0, 0, 0), ShotOf(1, 0, 0), OperatorRequest{"Take the object away."},
+         ShotOf(2, 0, 0)});
+  ASSERT_EQ(WaitState(2), RunState::kPaused);
+  EXPECT_EQ(ErrorReason(reason()), "OPERATOR_REQUEST");
+  EXPECT_THAT(ids(), ElementsAre(0, 1));
+  ASSERT_TRUE(engine_->Resume().ok());
+  EXPECT_EQ(Join(), RunState::kSucceeded);
+  EXPECT_THAT(ids(), ElementsAre(0, 1, 2));
 }
 
 TEST_F(EngineTest, PauseIsDarkAndIllegalCallsAreRefused) {

@@ -1,9 +1,11 @@
 // Where the engine puts what it captured: develop and store stand behind it.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "dataset/shot.h"
 #include "drivers/api/camera.h"
@@ -32,12 +34,17 @@ class ShotSink {
 
   virtual ~ShotSink() = default;
 
-  // Takes the shot; waits while the queue is full. Exactly one outcome follows, on any thread, when its record is durable or has
-  // failed. After a failure the sink stays usable.
-  virtual void Put(RawShot shot) = 0;
+  // Takes the shot; waits while the queue is full, and calls `stalled` once if that takes longer than `patience` of real time.
+  // Exactly one outcome follows, on any thread, when its record is durable or has failed. After a failure the sink stays usable.
+  virtual void Put(RawShot shot, std::chrono::nanoseconds patience,
+                   absl::FunctionRef<void()> stalled) = 0;
 
   // Returns when every shot put so far has had its outcome.
   virtual void Drain() = 0;
 };
+
+inline void PutPatiently(ShotSink& sink, RawShot shot) {
+  sink.Put(std::move(shot), std::chrono::nanoseconds::max(), [] {});
+}
 
 }  // namespace lightstage

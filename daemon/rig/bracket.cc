@@ -4,8 +4,8 @@
 
 namespace lightstage {
 
-Bracket::Bracket(Rig& rig, std::vector<Duration> exposures)
-    : rig_(rig), exposures_(std::move(exposures)) {
+Bracket::Bracket(Rig& rig, std::vector<Duration> exposures, uint64_t since)
+    : rig_(rig), exposures_(std::move(exposures)), since_(since) {
   frames_.reserve(exposures_.size());
 }
 
@@ -13,7 +13,7 @@ absl::Status Bracket::Expose() {
   Camera& camera = rig_.camera();
   for (size_t i = 0; i < exposures_.size(); ++i) {
     if (i > 0) RETURN_IF_ERROR(TakeFrame());  // one frame at a time is what cameras promise
-    RETURN_IF_ERROR(rig_.CheckRunning());
+    RETURN_IF_ERROR(rig_.CheckUndisturbed(since_));
     Duration exposure = exposures_[i];
     last_deadline_ = rig_.clock().Now() + exposure + camera.info().readout + rig_.device_timeout();
     Pending<ExposureEnd> ended(rig_.clock());
@@ -21,18 +21,25 @@ absl::Status Bracket::Expose() {
     camera.Trigger(exposure, last_deadline_, ended.sink(), last_->sink());
     // The driver's own deadline is the same; the margin lets its more telling error arrive first.
     auto end = ended.Wait(last_deadline_ + rig_.device_timeout(), "camera: exposure");
-    if (!end.ok())
+    if (!end.ok()) {
+      rig_.SuspectCamera();
       return Annotate(end.status(),
                       absl::StrFormat("camera: exposure of %g us", Seconds(exposure) * 1e6));
+    }
   }
-  return absl::OkStatus();
+  absl::Status undisturbed = rig_.CheckUndisturbed(since_);
+  if (!undisturbed.ok()) rig_.SuspectCamera();  // its last frame is still on its way
+  return undisturbed;
 }
 
 absl::Status Bracket::TakeFrame() {
-  ASSIGN_OR_RETURN(Frame frame,
-                   last_->Wait(last_deadline_ + rig_.device_timeout(), "camera: frame"));
+  auto frame = last_->Wait(last_deadline_ + rig_.device_timeout(), "camera: frame");
   last_.reset();
-  frames_.push_back(std::move(frame));
+  if (!frame.ok()) {
+    rig_.SuspectCamera();
+    return frame.status();
+  }
+  frames_.push_back(*std::move(frame));
   return absl::OkStatus();
 }
 

@@ -12,10 +12,11 @@ namespace lightstage {
 
 class Bracket {
  public:
-  // The rig's camera must be armed.
-  Bracket(Rig& rig, std::vector<Duration> exposures);
+  // The rig's camera must be armed. `since`: rig.disturbances() before the light and pose to be exposed were commanded.
+  Bracket(Rig& rig, std::vector<Duration> exposures, uint64_t since);
 
-  // Takes all exposures; returns when the last one has ended.
+  // Takes all exposures; returns when the last one has ended. RIG_STOPPED or RIG_DISTURBED if light or pose were taken away before
+  // that: the picture is not of what it was meant to be.
   absl::Status Expose();
   // Waits for the last frame. One frame per exposure. Call once, after Expose() returned OK.
   absl::StatusOr<std::vector<Frame>> TakeFrames();
@@ -25,6 +26,7 @@ class Bracket {
 
   Rig& rig_;
   std::vector<Duration> exposures_;
+  const uint64_t since_;
   std::vector<Frame> frames_;
   std::optional<Pending<Frame>> last_;
   TimePoint last_deadline_{};

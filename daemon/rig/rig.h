@@ -1,8 +1,12 @@
 // The opened devices of one rig, behind one gate: after Stop() nothing moves or lights until Reset().
+//
+// Whoever exposes under a light or at a pose must know that nobody took it away meanwhile: what does so (Stop, Halt, lamps that went
+// dark by themselves) counts as a disturbance, see CheckUndisturbed().
 #pragma once
 
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -67,22 +71,36 @@ class Rig {
 
   absl::Status Dark();  // and waits for it; any thread
   absl::Status HomeAll();
+  // Moves one axis by hand. Ends early, with everything at rest and dark, once `cancelled` says so.
   absl::StatusOr<AxisState> MoveAxis(AxisId id, Angle target, double velocity_dps,
                                      absl::FunctionRef<bool()> cancelled);
   // The pose the axes report. Axes that do not exist are at 0.
   absl::StatusOr<Pose> ReadPose();
+  // A camera that failed is disarmed and configured first, which reconnects one that was lost.
   absl::Status ArmCamera();
   absl::Status DisarmCamera();
+  // An exposure or frame failed: what else may come of it is not to be taken for the next one's.
+  void SuspectCamera() { camera_suspect_ = true; }
 
   // ---- Any thread.
 
   // Stops motion and light now and latches. Returns when everything has confirmed; the error names what did not.
   absl::Status Stop(const absl::Status& reason);
-  // Ends manual motion and light without latching (lost control).
+  // Ends motion and light without latching.
   absl::Status Halt();
+  // The same, unless a run uses the rig (lost control). Nobody else gets the rig meanwhile.
+  absl::Status HaltManual();
+  // Makes the rig dark and still, homes its axes and clears the latch, which is set until then. A stop or halt meanwhile, or a
+  // device that fails, leaves it set. FAILED_PRECONDITION / RIG_BUSY if another reset is in progress.
   absl::Status Reset();
   // OK, or FAILED_PRECONDITION / RIG_STOPPED with the reason of the stop.
   absl::Status CheckRunning() const;
+  // Why it is latched; OK if it is not.
+  absl::Status stop_reason() const;
+  // Counts whatever took light or motion away from the rig's user.
+  uint64_t disturbances() const;
+  // OK, RIG_STOPPED, or ABORTED / RIG_DISTURBED if disturbances() has changed.
+  absl::Status CheckUndisturbed(uint64_t since) const;
   // Asks the axes, if `live`, else what they last reported.
   RigSnapshot Snapshot(bool live);
   Duration device_timeout() const { return file_.engine.device_timeout; }
@@ -90,15 +108,40 @@ class Rig {
  private:
   Rig(const RigFile& file, Clock& clock);
   absl::Status OpenDevices();
+  absl::Status OpenLamps();
+  absl::Status ConfigureCamera();
   absl::Status CheckRunningLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(gate_);
+  absl::Status CheckUndisturbedLocked(uint64_t since) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(gate_);
   Axis* mutable_axis(AxisId id) {
     return id == AxisId::kTurntable ? turntable_.get() : tilt_.get();
   }
-  absl::Status HomeAxis(AxisId id);
-  absl::Status StopAxes(std::initializer_list<AxisId> ids);
+  // What is allowed to go on while the rig is latched.
+  enum class Latch { kRespect, kResetting };
+  absl::Status HomeAxis(AxisId id, uint64_t since, Latch latch);
+  absl::Status HomeAll(uint64_t since, Latch latch);
+  absl::StatusOr<AxisState> ReadAxis(AxisId id);
+  // Commands first, waits later: a device that does not answer delays no other.
+  struct Darkening {
+    std::optional<Pending<LampsState>> lamps;
+    std::optional<Pending<ProjectorState>> projector;
+    TimePoint lamps_deadline{}, projector_deadline{};
+  };
+  struct Standstill {
+    std::vector<std::pair<AxisId, Pending<AxisState>>> axes;
+    TimePoint deadline{};
+  };
+  Darkening StartDark();
+  absl::Status FinishDark(Darkening& darkening);
+  Standstill StartStop(std::initializer_list<AxisId> ids);
+  absl::Status FinishStop(Standstill& standstill);
+  absl::Status StopAxis(AxisId id);
   absl::Status StopDevices();
   void StoreAxis(AxisId id, const AxisState& state);
-  void KeepLit();  // refreshes the lamps' time-to-dark as long as one is on
+  void MarkMoving(AxisId id);
+  // Refreshes the lamps' time-to-dark as long as one is on.
+  void KeepLitLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(state_mutex_);
+  void ScheduleRefreshLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(state_mutex_);
+  void RefreshLamps();
   absl::Status WaitAxis(AxisId id, Pending<AxisState>& pending, TimePoint deadline,
                         std::string_view what);
 
@@ -109,14 +152,25 @@ class Rig {
   mutable Mutex gate_;
   RigUse use_ ABSL_GUARDED_BY(gate_) = RigUse::kNone;
   absl::Status stop_reason_ ABSL_GUARDED_BY(gate_);
+  bool resetting_ ABSL_GUARDED_BY(gate_) = false;
+  uint64_t disturbances_ ABSL_GUARDED_BY(gate_) = 0;
 
   mutable Mutex state_mutex_;  // after gate_; leaf
   AxisState axis_state_[2] ABSL_GUARDED_BY(state_mutex_);
+  // As confirmed, and the command that they answer to; NaN where nothing was confirmed.
   std::vector<float> lamp_levels_ ABSL_GUARDED_BY(state_mutex_);
+  std::vector<float> lamps_asked_ ABSL_GUARDED_BY(state_mutex_);
   Pattern pattern_ ABSL_GUARDED_BY(state_mutex_);
   bool refreshing_ ABSL_GUARDED_BY(state_mutex_) = false;
-  Clock::TimerId refresh_timer_ ABSL_GUARDED_BY(state_mutex_){};
-  bool camera_armed_ = false;
+  TimePoint refreshed_at_ ABSL_GUARDED_BY(state_mutex_){};
+  Duration time_to_dark_{};  // 0: the lamps have none, or it is switched off
+  // Held during a refresh, which a timer starts; empty once the rig closes. shared: the timer may outlive the rig.
+  struct RefreshGuard {
+    Mutex mutex;  // before gate_
+    Rig* rig ABSL_GUARDED_BY(mutex);
+  };
+  std::shared_ptr<RefreshGuard> refresh_guard_;
+  bool camera_armed_ = false, camera_suspect_ = false;
 
   // Last, so that devices go first: their destructors may still call back.
   std::unique_ptr<Lamps> lamps_;
@@ -146,16 +200,20 @@ class Rig::Posing {
 // Light on its way. Wait() once.
 class Rig::Lighting {
  public:
+  // LIGHT_NOT_CONFIRMED if a device confirmed another light than it was told to make.
   absl::Status Wait();
+  // After Wait(): every lamp's level as confirmed, as fine as the lamps can do it.
+  const std::vector<float>& lamp_levels() const { return confirmed_; }
 
  private:
   friend class Rig;
   Rig* rig_ = nullptr;
   absl::Status refused_;
+  uint64_t since_ = 0;
   TimePoint deadline_{};
   std::optional<Pending<LampsState>> lamps_;
   std::optional<Pending<ProjectorState>> projector_;
-  std::vector<float> levels_;
+  std::vector<float> levels_, confirmed_;
   Pattern pattern_;
 };
 

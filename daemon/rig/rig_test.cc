@@ -1,6 +1,7 @@
 #include "daemon/rig/rig.h"
 
-#include <atomic>
+#include <cmath>
+#include <functional>
 
 #include "daemon/rig/testing/null_rig.h"
 #include "gmock/gmock.h"
@@ -21,7 +22,13 @@ class TimedLamps final : public Lamps {
     (void)Refresh();
     std::move(done)(LampsState{levels});
   }
-  void Dark(TimePoint, Completion<LampsState> done) override {
+  void Dark(TimePoint deadline, Completion<LampsState> done) override {
+    if (silent) {
+      clock_.At(deadline, [d = std::move(done)]() mutable {
+        std::move(d)(Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT", "no answer"));
+      });
+      return;
+    }
     std::move(done)(LampsState{std::vector<float>(40, 0.0f)});
   }
   absl::Status SetTimeToDark(Duration time) override {
@@ -29,6 +36,7 @@ class TimedLamps final : public Lamps {
     return absl::OkStatus();
   }
   absl::Status Refresh() override {
+    if (unplugged) return absl::UnavailableError("unplugged");
     longest_gap = std::max(longest_gap, clock_.Now() - last_);
     last_ = clock_.Now();
     ++refreshes;
@@ -36,6 +44,7 @@ class TimedLamps final : public Lamps {
   }
   Duration time_to_dark{}, longest_gap{};
   int refreshes = 0;
+  bool silent = false, unplugged = false;
 
  private:
   Clock& clock_;
@@ -43,8 +52,48 @@ class TimedLamps final : public Lamps {
   TimePoint last_{};
 };
 
+// Homes in 10 ms and tells when it was stopped.
+class HomingAxis final : public Axis {
+ public:
+  explicit HomingAxis(Clock& clock)
+      : clock_(clock), null_(TestAxisInfo("turntable", true, 0, 360)) {}
+  const AxisInfo& info() const override { return null_.info(); }
+  void Home(TimePoint deadline, Completion<AxisState> done) override {
+    if (on_home) on_home();
+    clock_.At(
+        clock_.Now() + std::chrono::milliseconds(10),
+        [this, deadline, d = std::move(done)]() mutable { null_.Home(deadline, std::move(d)); });
+  }
+  void Move(Angle target, double velocity, TimePoint t, Completion<AxisState> done) override {
+    null_.Move(target, velocity, t, std::move(done));
+  }
+  void Read(TimePoint t, Completion<AxisState> done) override { null_.Read(t, std::move(done)); }
+  void Stop(TimePoint t, Completion<AxisState> done) override {
+    stopped_at = clock_.Now();
+    null_.Stop(t, std::move(done));
+  }
+  std::function<void()> on_home;
+  TimePoint stopped_at{};
+
+ private:
+  Clock& clock_;
+  NullAxis null_;
+};
+
 class RigTest : public testing::Test {
  protected:
+  TimedLamps* UseTimedLamps() {
+    auto lamps = std::make_unique<TimedLamps>(clock_);
+    TimedLamps* timed = lamps.get();
+    file_->lamps = TableOf<Lamps>(std::move(lamps));
+    return timed;
+  }
+  HomingAxis* UseHomingAxis() {
+    auto axis = std::make_unique<HomingAxis>(clock_);
+    HomingAxis* homing = axis.get();
+    file_->turntable = TableOf<Axis>(std::move(axis));
+    return homing;
+  }
   void Open() {
     auto rig = Rig::Open(*file_, clock_);
     ASSERT_TRUE(rig.ok()) << rig.status();
@@ -101,12 +150,9 @@ TEST_F(RigTest, SnapshotTellsWhatWasConfirmed) {
 }
 
 TEST_F(RigTest, LampsAreRefreshedWhileLitAndOnlyThen) {
-  file_->engine.lamp_time_to_dark = std::chrono::seconds(3);
-  auto lamps = std::make_unique<TimedLamps>(clock_);
-  TimedLamps* timed = lamps.get();
-  file_->lamps = TableOf<Lamps>(std::move(lamps));
+  TimedLamps* timed = UseTimedLamps();
   Open();
-  EXPECT_EQ(timed->time_to_dark, std::chrono::seconds(3));
+  EXPECT_EQ(timed->time_to_dark, std::chrono::seconds(3)) << "what a rig file that is silent gets";
   ASSERT_TRUE(rig_->StartCondition({{{0, 1.0}}, {}})->Wait().ok());
   timed->longest_gap = {};
   SleepFor(clock_, std::chrono::seconds(60));
@@ -117,6 +163,71 @@ TEST_F(RigTest, LampsAreRefreshedWhileLitAndOnlyThen) {
   int then = timed->refreshes;
   SleepFor(clock_, std::chrono::seconds(60));
   EXPECT_EQ(timed->refreshes, then);
+}
+
+TEST_F(RigTest, LampsThatWentDarkByThemselvesAreUnknownAndADisturbance) {
+  TimedLamps* timed = UseTimedLamps();
+  Open();
+  Condition light{{{0, 1.0}}, {}};
+  ASSERT_TRUE(rig_->StartCondition(light)->Wait().ok());
+  uint64_t before = rig_->disturbances();
+  timed->unplugged = true;
+  SleepFor(clock_, std::chrono::seconds(2));
+  EXPECT_TRUE(rig_->CheckUndisturbed(before).ok()) << "a missed refresh is not the end yet";
+  SleepFor(clock_, std::chrono::seconds(2));
+  EXPECT_EQ(ErrorReason(rig_->CheckUndisturbed(before)), "RIG_DISTURBED");
+  EXPECT_TRUE(std::isnan(rig_->Snapshot(false).lamp_levels[0]));
+  // The next shot under the same light must command it again.
+  timed->unplugged = false;
+  int then = timed->refreshes;
+  ASSERT_TRUE(rig_->StartCondition(light)->Wait().ok());
+  EXPECT_EQ(timed->refreshes, then + 1);
+  EXPECT_EQ(rig_->Snapshot(false).lamp_levels[0], 1.0f);
+}
+
+TEST_F(RigTest, SilentLampsDoNotDelayTheAxisStop) {
+  TimedLamps* lamps = UseTimedLamps();
+  HomingAxis* axis = UseHomingAxis();
+  Open();
+  lamps->silent = true;
+  TimePoint asked = clock_.Now();
+  absl::Status stopped = rig_->Stop(Error(absl::StatusCode::kAborted, "STOP_ASKED", "smoke"));
+  EXPECT_THAT(MessageOf(stopped), testing::HasSubstr("lamps"));
+  EXPECT_EQ(axis->stopped_at, asked);
+  EXPECT_GT(clock_.Now(), asked);
+  lamps->silent = false;
+}
+
+TEST_F(RigTest, AHaltDuringResetLeavesItLatched) {
+  HomingAxis* axis = UseHomingAxis();
+  Open();
+  ASSERT_TRUE(rig_->Stop(Error(absl::StatusCode::kAborted, "STOP_ASKED", "smoke")).ok());
+  axis->on_home = [this] {
+    clock_.At(clock_.Now() + std::chrono::milliseconds(5), [this] {
+      EXPECT_EQ(ErrorReason(rig_->Acquire(RigUse::kManual)), "RIG_STOPPED");
+      EXPECT_EQ(ErrorReason(rig_->Reset()), "RIG_BUSY");
+      EXPECT_TRUE(rig_->HaltManual().ok());
+    });
+  };
+  EXPECT_EQ(ErrorReason(rig_->Reset()), "RIG_DISTURBED");
+  EXPECT_EQ(ErrorReason(rig_->stop_reason()), "STOP_ASKED");
+  axis->on_home = nullptr;
+  ASSERT_TRUE(rig_->Reset().ok());
+  EXPECT_TRUE(rig_->Acquire(RigUse::kManual).ok());
+  rig_->Release();
+}
+
+TEST_F(RigTest, LostControlLeavesARunAlone) {
+  Open();
+  ASSERT_TRUE(rig_->Acquire(RigUse::kRun).ok());
+  uint64_t before = rig_->disturbances();
+  ASSERT_TRUE(rig_->StartCondition({{{0, 1.0}}, {}})->Wait().ok());
+  ASSERT_TRUE(rig_->HaltManual().ok());
+  EXPECT_TRUE(rig_->CheckUndisturbed(before).ok());
+  EXPECT_EQ(rig_->Snapshot(false).lamp_levels[0], 1.0f);
+  rig_->Release();
+  ASSERT_TRUE(rig_->HaltManual().ok());
+  EXPECT_EQ(rig_->Snapshot(false).lamp_levels[0], 0.0f);
 }
 
 TEST_F(RigTest, MissingDevicesAreNamed) {

@@ -4,7 +4,7 @@
 
 #include "absl/strings/str_format.h"
 #include "base/status.h"
-#include "base/strings.h"
+#include "base/utf8.h"
 #include "spdlog/spdlog.h"
 
 namespace lightstage::rpc {

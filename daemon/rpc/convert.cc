@@ -68,7 +68,7 @@ absl::StatusOr<LightStagePlan> FromMessage(const v1::LightStage& message, int la
   if (message.has_azimuth_list()) {
     plan.azimuths = Angles(message.azimuth_list());
   } else if (message.has_azimuths()) {
-    double span = message.span_deg() == 0 ? 180 : message.span_deg();
+    double span = message.has_span_deg() ? message.span_deg() : 180;
     if (!(span > 0 && span <= 360)) return Invalid("span_deg", span, "it must be in (0, 360]");
     RETURN_IF_ERROR(CheckCount("azimuths", message.azimuths()));
     plan.azimuths = EvenAzimuths(message.azimuths(), Degrees(span));
@@ -77,7 +77,7 @@ absl::StatusOr<LightStagePlan> FromMessage(const v1::LightStage& message, int la
   }
   plan.lamps.assign(message.lamps().begin(), message.lamps().end());
   if (plan.lamps.empty()) plan.lamps = AllLamps(lamp_count);
-  plan.level = message.level() == 0 ? 1 : message.level();
+  plan.level = message.has_level() ? message.level() : 1;
   if (message.has_tilt_deg()) plan.tilt = Degrees(message.tilt_deg());
   return plan;
 }

@@ -61,6 +61,8 @@ TEST(Plan, ErrorsNameTheField) {
   plan.mutable_light_stage()->set_span_deg(std::nan(""));
   EXPECT_THAT(reason(plan), testing::HasSubstr("span_deg is nan"));
   plan.mutable_light_stage()->set_span_deg(0);
+  EXPECT_THAT(reason(plan), testing::HasSubstr("span_deg is 0"));
+  plan.mutable_light_stage()->clear_span_deg();
   for (double bad : {0.0, -1.0, std::nan(""), std::numeric_limits<double>::infinity(), 1e300}) {
     plan.clear_exposures_us();
     plan.add_exposures_us(bad);

@@ -4,6 +4,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
 #include "base/status.h"
 
 namespace lightstage::rpc {
@@ -47,6 +48,12 @@ absl::StatusOr<Duration> WatchInterval(double seconds) {
                absl::StrFormat("min_interval_seconds is %g; it must be in [0.02, 60], or 0 for 0.1",
                                seconds),
                {{"min_interval_seconds", absl::StrCat(seconds)}});
+}
+
+void SleepUnless(Duration interval, absl::FunctionRef<bool()> ended) {
+  const absl::Time end = absl::Now() + absl::FromChrono(interval);
+  for (absl::Duration left; (left = end - absl::Now()) > absl::ZeroDuration() && !ended();)
+    absl::SleepFor(std::min(left, absl::Milliseconds(100)));
 }
 
 }  // namespace lightstage::rpc

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "base/clock.h"
 
@@ -23,5 +24,7 @@ absl::StatusOr<Page> PageOf(uint64_t size, int32_t page_size, int32_t default_si
 
 // [0.02, 60] s, 0: 0.1 s. WATCH_INTERVAL.
 absl::StatusOr<Duration> WatchInterval(double seconds);
+// Sleeps in real time so long, or until `ended`, which is asked ten times a second.
+void SleepUnless(Duration interval, absl::FunctionRef<bool()> ended);
 
 }  // namespace lightstage::rpc

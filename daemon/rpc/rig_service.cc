@@ -3,9 +3,8 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
 #include "base/status.h"
-#include "base/strings.h"
+#include "base/utf8.h"
 #include "base/version.h"
 #include "daemon/capture/limits.h"
 #include "daemon/develop/develop.h"
@@ -43,13 +42,19 @@ void AddLit(const std::vector<float>& levels,
   }
 }
 
+absl::Status LightUnknown(std::string_view device) {
+  return Error(absl::StatusCode::kFailedPrecondition, "LIGHT_UNKNOWN",
+               absl::StrCat(device, " did not confirm its last command; reset the rig"),
+               {{"device", std::string(device)}});
+}
+
 v1::Device ToMessage(const DeviceIdentity& identity, v1::DeviceKind kind) {
   v1::Device device;
   device.set_name(identity.name);
   device.set_kind(kind);
-  device.set_driver(identity.driver);
-  device.set_model(identity.model);
-  device.set_serial(identity.serial);
+  device.set_driver(CleanUtf8(identity.driver));
+  device.set_model(CleanUtf8(identity.model));
+  device.set_serial(CleanUtf8(identity.serial));
   return device;
 }
 
@@ -170,7 +175,7 @@ grpc::Status RigService::WatchRigState(grpc::ServerContext* context,
     std::string now = compared.SerializeAsString();
     if (now != last && !writer->Write(response)) break;
     last = std::move(now);
-    absl::SleepFor(absl::FromChrono(*interval));
+    SleepUnless(*interval, [&] { return context->IsCancelled() || closed_; });
   }
   return grpc::Status::OK;
 }
@@ -237,35 +242,40 @@ grpc::Status RigService::MoveAxis(grpc::ServerContext* context, const v1::MoveAx
     RETURN_IF_ERROR(CheckPose(id == AxisId::kTurntable ? Pose{target, facts_.limits.tilt_min}
                                                        : Pose{facts_.limits.azimuth_min, target},
                               facts_));
-    auto state =
-        rig_.MoveAxis(id, target, velocity, [&] { return context->IsCancelled() || closed_; });
+    auto state = rig_.MoveAxis(id, target, velocity, [&] {
+      return context->IsCancelled() || closed_ || !control_.Check(request->control_token()).ok();
+    });
     if (!state.ok()) return state.status();
     *response->mutable_axis() = ToMessage(id, *state);
     return absl::OkStatus();
   }));
 }
 
-Condition RigService::Light() {
+absl::StatusOr<Condition> RigService::Light() {
   RigSnapshot snapshot = rig_.Snapshot(false);
   Condition light;
   for (size_t i = 0; i < snapshot.lamp_levels.size(); ++i) {
+    if (std::isnan(snapshot.lamp_levels[i])) return LightUnknown(absl::StrCat("lamp ", i));
     if (snapshot.lamp_levels[i] > 0)
       light.lamps.push_back({static_cast<int>(i), snapshot.lamp_levels[i]});
   }
-  if (snapshot.pattern.grid > 0 && snapshot.pattern.arrangement != PatternArrangement::kBlack)
-    light.pattern = snapshot.pattern;
+  if (snapshot.pattern.grid < 0) return LightUnknown("the projector");
+  if (snapshot.pattern.arrangement != PatternArrangement::kBlack) light.pattern = snapshot.pattern;
   return light;
 }
 
 absl::Status RigService::ApplyLight(const Condition& condition) {
   RETURN_IF_ERROR(CheckCondition(condition, facts_));
-  return rig_.StartCondition(condition)->Wait();
+  absl::Status lit = rig_.StartCondition(condition)->Wait();
+  // What did not confirm may be on: nobody should have to guess.
+  if (!lit.ok()) RETURN_IF_ERROR(Annotate(rig_.Dark(), MessageOf(lit)));
+  return lit;
 }
 
 grpc::Status RigService::SetLamps(grpc::ServerContext*, const v1::SetLampsRequest* request,
                                   v1::SetLampsResponse* response) {
   return ToGrpc(Manually(request->control_token(), [&]() -> absl::Status {
-    Condition light = Light();
+    ASSIGN_OR_RETURN(Condition light, Light());
     if (request->others_off()) light.lamps.clear();
     for (const v1::LampLevel& asked : request->lamps()) {
       std::erase_if(light.lamps, [&](const LampLevel& l) { return l.lamp == asked.lamp(); });
@@ -282,7 +292,7 @@ grpc::Status RigService::SetLamps(grpc::ServerContext*, const v1::SetLampsReques
 grpc::Status RigService::ShowPattern(grpc::ServerContext*, const v1::ShowPatternRequest* request,
                                      v1::ShowPatternResponse* response) {
   return ToGrpc(Manually(request->control_token(), [&]() -> absl::Status {
-    Condition light = Light();
+    ASSIGN_OR_RETURN(Condition light, Light());
     ASSIGN_OR_RETURN(light.pattern, FromMessage(request->pattern()));
     RETURN_IF_ERROR(ApplyLight(light));
     *response->mutable_pattern() = rpc::ToMessage(rig_.Snapshot(false).pattern);
@@ -299,12 +309,13 @@ grpc::Status RigService::Snap(grpc::ServerContext*, const v1::SnapRequest* reque
     ASSIGN_OR_RETURN(raw.shot.exposures, ExposuresFromMessage(request->exposures_us()));
     if (raw.shot.exposures.empty()) raw.shot.exposures = facts_.default_exposures;
     RETURN_IF_ERROR(CheckExposures(raw.shot.exposures, facts_));
-    raw.shot.condition = Light();
+    uint64_t since = rig_.disturbances();
+    ASSIGN_OR_RETURN(raw.shot.condition, Light());
     ASSIGN_OR_RETURN(raw.reported_pose, rig_.ReadPose());
     raw.shot.pose = raw.reported_pose;
     RETURN_IF_ERROR(rig_.ArmCamera());
     raw.captured_at = rig_.WallNow();
-    Bracket bracket(rig_, raw.shot.exposures);
+    Bracket bracket(rig_, raw.shot.exposures, since);
     absl::Status exposed = bracket.Expose();
     auto frames = exposed.ok() ? bracket.TakeFrames() : exposed;
     absl::Status disarmed = rig_.DisarmCamera();
@@ -341,9 +352,9 @@ grpc::Status RigService::StopRig(grpc::ServerContext*, const v1::StopRigRequest*
   absl::Status reason =
       Error(absl::StatusCode::kAborted, "STOP_ASKED",
             note.empty() ? "stop was asked for" : absl::StrCat("stop: ", note), {{"note", note}});
-  // The run first: it must not take the stop for a fault that a reset a moment later has mended.
-  runs_.HoldActive(reason);
   absl::Status stopped = rig_.Stop(reason);
+  // After the rig: the run's journal may wait for a disk. It may have noticed by itself.
+  runs_.HoldActive(reason);
   if (!stopped.ok()) return ToGrpc(stopped);
   *response->mutable_state() = State();
   return grpc::Status::OK;

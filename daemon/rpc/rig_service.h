@@ -49,7 +49,8 @@ class RigService final : public v1::RigService::Service {
   // Runs `operation` as the rig's manual user, with control.
   absl::Status Manually(const std::string& token, absl::FunctionRef<absl::Status()> operation);
   absl::Status ApplyLight(const Condition& condition);
-  Condition Light();  // what is on now
+  // The light that is on. FAILED_PRECONDITION / LIGHT_UNKNOWN if a device did not confirm what it was told last.
+  absl::StatusOr<Condition> Light();
 
   Rig& rig_;
   const RigFacts& facts_;

@@ -89,6 +89,8 @@ grpc::Status RunService::EstimateRun(grpc::ServerContext*, const v1::EstimateRun
   if (!free_bytes.ok()) return ToGrpc(free_bytes.status());
   response->set_free_bytes(static_cast<int64_t>(*free_bytes));
   for (const std::string& note : estimate->notes) response->add_notes(note);
+  absl::Status room = runs_.CheckRoom(static_cast<uint64_t>(estimate->bytes));
+  if (!room.ok()) response->add_notes(MessageOf(room));
   return grpc::Status::OK;
 }
 
@@ -179,7 +181,7 @@ grpc::Status RunService::WatchRun(grpc::ServerContext* context, const v1::WatchR
       last = std::move(now);
       if (more) continue;
       if (IsTerminal(view.state) || view.state == RunState::kInterrupted) break;
-      absl::SleepFor(absl::FromChrono(interval));
+      SleepUnless(interval, [&] { return context->IsCancelled() || closed_; });
     }
     return absl::OkStatus();
   };
@@ -206,7 +208,7 @@ grpc::Status RunService::VerifyRun(grpc::ServerContext* context,
                                    grpc::ServerWriter<v1::VerifyRunResponse>* writer) {
   auto verified = [&]() -> absl::Status {
     ASSIGN_OR_RETURN(std::string id, RunId(request->name()));
-    ASSIGN_OR_RETURN(auto folder, runs_.Folder(id));
+    ASSIGN_OR_RETURN(auto folder, runs_.Reread(id));
     v1::VerifyRunResponse response;
     absl::Time sent = absl::InfinitePast();
     bool gone = false;

@@ -6,12 +6,15 @@
 #include <unistd.h>
 
 #include <cstring>
+#include <filesystem>
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "base/status.h"
+#include "daemon/store/room.h"
+#include "grpc/grpc.h"
 #include "grpcpp/ext/proto_server_reflection_plugin.h"
 #include "grpcpp/health_check_service_interface.h"
 #include "grpcpp/server_builder.h"
@@ -19,9 +22,6 @@
 
 namespace lightstage::rpc {
 namespace {
-
-// Below this the store counts as full: not even the next images have room.
-constexpr uint64_t kFullBytes = uint64_t{64} << 20;
 
 absl::Status AddressInUse(const std::string& address, std::string_view why) {
   return Error(absl::StatusCode::kFailedPrecondition, "ADDRESS_IN_USE",
@@ -43,8 +43,12 @@ absl::Status ClearSocket(const std::string& address, const std::string& path) {
                                                    sizeof(name.sun_path) - 1));
   }
   struct stat there {};
-  if (lstat(path.c_str(), &there) != 0)
-    return errno == ENOENT ? absl::OkStatus() : ErrnoError(errno, "stat", path);
+  if (lstat(path.c_str(), &there) != 0) {
+    if (errno != ENOENT) return ErrnoError(errno, "stat", path);
+    std::filesystem::path folder = std::filesystem::path(path).parent_path();
+    if (folder.empty() || access(folder.c_str(), F_OK) == 0) return absl::OkStatus();
+    return AddressInvalid(address, absl::StrCat("there is no folder ", folder.string()));
+  }
   // Before connecting: Linux refuses a connection to any file alike.
   if (!S_ISSOCK(there.st_mode))
     return AddressInUse(address, "there is a file of that name that is not a socket");
@@ -84,8 +88,7 @@ Server::Server(Rig& rig, const RigFacts& facts, RunManager& runs)
       runs_(runs),
       control_(wall_, rig.file().engine.heartbeat,
                [this](std::string_view) {
-                 if (rig_.use() == RigUse::kRun) return;  // a started run goes on
-                 absl::Status halted = rig_.Halt();
+                 absl::Status halted = rig_.HaltManual();  // a started run goes on
                  if (!halted.ok()) spdlog::error("rig: {}", MessageOf(halted));
                }),
       rig_service_(rig, facts, control_, runs),
@@ -94,6 +97,10 @@ Server::Server(Rig& rig, const RigFacts& facts, RunManager& runs)
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(const std::vector<std::string>& addresses,
                                                       Rig& rig, const RigFacts& facts,
                                                       RunManager& runs) {
+  // gRPC stays up until the process ends: taking it down waits up to ten seconds for a thread of its own, and meanwhile the devices
+  // would stay open and the data directory locked.
+  static const bool up = (grpc_init(), true);
+  (void)up;
   auto server = std::unique_ptr<Server>(new Server(rig, facts, runs));
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
@@ -142,7 +149,7 @@ void Server::WatchHealth() {
   while (!closed_) {
     health->SetServingStatus("rig", rig_.CheckRunning().ok());
     auto free_bytes = runs_.FreeBytes();
-    health->SetServingStatus("store", free_bytes.ok() && *free_bytes >= kFullBytes);
+    health->SetServingStatus("store", free_bytes.ok() && *free_bytes >= kReserveBytes);
     absl::SleepFor(absl::Milliseconds(100));
   }
 }

@@ -10,18 +10,19 @@
 #include "daemon/store/layout.h"
 #include "daemon/store/room.h"
 #include "dataset/basis_exr.h"
+#include "dataset/sha256.h"
 #include "spdlog/spdlog.h"
 
 namespace lightstage {
 namespace {
 
-// How much a reference taken anew may differ, as the sum of absolute differences over the sum of values, of means over blocks: that
+// How much a reference taken anew may differ, as the sum of absolute differences over the greater sum of values, of means over blocks: that
 // is well above what noise leaves of a block, and below what a bumped camera or another exposure does.
 constexpr double kReferenceTolerance = 0.05;
 constexpr int kReferenceBlock = 8;
 
 double BlockDifference(const Image& a, const Image& b) {
-  double difference = 0, total = 0;
+  double difference = 0, total_a = 0, total_b = 0;
   for (int y = 0; y < a.height(); y += kReferenceBlock) {
     for (int x = 0; x < a.width(); x += kReferenceBlock) {
       double sum_a = 0, sum_b = 0;
@@ -34,9 +35,12 @@ double BlockDifference(const Image& a, const Image& b) {
         }
       }
       difference += std::abs(sum_a - sum_b);
-      total += std::abs(sum_b);
+      total_a += std::abs(sum_a);
+      total_b += std::abs(sum_b);
     }
   }
+  // Of the brighter one, so that a black picture differs from every other.
+  double total = std::max(total_a, total_b);
   return total > 0 ? difference / total : 0;
 }
 
@@ -57,6 +61,10 @@ RunManager::~RunManager() { Shutdown(); }
 
 absl::StatusOr<uint64_t> RunManager::FreeBytes() const { return env_.FreeBytes(data_.path()); }
 
+absl::Status RunManager::CheckRoom(uint64_t bytes) const {
+  return lightstage::CheckRoom(env_, data_.path(), bytes);
+}
+
 // ---- Starting
 
 absl::StatusOr<std::string> RunManager::Start(const Plan& plan, std::string name) {
@@ -68,9 +76,10 @@ absl::StatusOr<std::string> RunManager::Start(const Plan& plan, std::string name
         absl::StrFormat("the run's name has %d characters, at most 200 are possible", name.size()),
         {{"length", absl::StrCat(name.size())}});
   }
-  RETURN_IF_ERROR(CheckRoom(env_, data_.path(), estimate.bytes));
+  RETURN_IF_ERROR(CheckRoom(static_cast<uint64_t>(estimate.bytes)));
 
   MutexLock launching(&launch_mutex_);
+  RETURN_IF_ERROR(CheckOpenLocked());
   RETURN_IF_ERROR(rig_.Acquire(RigUse::kRun));
   const CameraConfig& camera = facts_.camera_config;
   RunHeader header;
@@ -102,6 +111,11 @@ absl::StatusOr<std::string> RunManager::Start(const Plan& plan, std::string name
     return launched;
   }
   return id;
+}
+
+absl::Status RunManager::CheckOpenLocked() const {
+  if (!closing_) return absl::OkStatus();
+  return Error(absl::StatusCode::kUnavailable, "DAEMON_ENDING", "the daemon is going down");
 }
 
 absl::Status RunManager::Launch(std::shared_ptr<RunFolder> folder, const Plan& plan,
@@ -146,8 +160,9 @@ absl::Status RunManager::Launch(std::shared_ptr<RunFolder> folder, const Plan& p
   {
     MutexLock lock(&mutex_);
     before = std::exchange(active_, active);
-    past_.erase(a->id);
-    if (last_opened_ && last_opened_->header().id == a->id) last_opened_.reset();
+    ForgetLocked(a->id);
+    // Ended runs are read from disk again: what is told of them is what is there.
+    if (before) ForgetLocked(before->id);
   }
   if (before) before->thread.join();  // it has released the rig, so it has all but ended
   spdlog::info("run {}: {} shots", a->id, a->folder->header().expected_shots);
@@ -183,7 +198,14 @@ absl::Status RunManager::Resume(const std::string& id) {
       active && active->engine->progress().state != RunState::kInterrupted)
     return active->engine->Resume();
   MutexLock launching(&launch_mutex_);
+  RETURN_IF_ERROR(CheckOpenLocked());
   ASSIGN_OR_RETURN(RunView run, Get(id));
+  if (ErrorReason(run.reason) == "JOURNAL_CORRUPT") {
+    return Annotate(run.reason,
+                    absl::StrCat("run ", id,
+                                 " cannot be continued: its journal is damaged (runs verify "
+                                 "lists all damage; docs/DATASET.md says how to mend it)"));
+  }
   if (!NextState(run.state, RunEvent::kResume).ok()) return NotActive(id, run.state, "resume");
   ASSIGN_OR_RETURN(std::unique_ptr<RunFolder> folder, data_.OpenRun(id));
   ASSIGN_OR_RETURN(std::string rig_text,
@@ -196,15 +218,22 @@ absl::Status RunManager::Resume(const std::string& id) {
                  {{"run", id}, {"rig_file", absl::StrCat(folder->path(), "/", kRigFile)}});
   }
   ASSIGN_OR_RETURN(Plan plan, plan_text_.read(folder->header().plan_json));
-  ASSIGN_OR_RETURN(Engine::Resumption resumption, ResumptionOf(*folder));
   RETURN_IF_ERROR(rig_.Acquire(RigUse::kRun));
   absl::Status launched = folder->PrepareToAppend();
-  if (launched.ok()) launched = Launch(std::move(folder), plan, std::move(resumption));
-  if (!launched.ok()) rig_.Release();
+  if (launched.ok()) launched = folder->RetractLost();
+  if (launched.ok()) {
+    Engine::Resumption resumption = ResumptionOf(*folder);
+    launched = Launch(std::move(folder), plan, std::move(resumption));
+  }
+  if (!launched.ok()) {
+    rig_.Release();
+    MutexLock lock(&mutex_);
+    ForgetLocked(id);  // its journal may have been cut, and records given up
+  }
   return launched;
 }
 
-absl::StatusOr<Engine::Resumption> RunManager::ResumptionOf(const RunFolder& folder) const {
+Engine::Resumption RunManager::ResumptionOf(const RunFolder& folder) const {
   Engine::Resumption resumption;
   std::optional<ShotRecord> reference = folder.LastReference();
   // Without reference frames the last basis image that shows something does.
@@ -223,8 +252,20 @@ absl::StatusOr<Engine::Resumption> RunManager::ResumptionOf(const RunFolder& fol
 absl::Status RunManager::CompareReference(const RunFolder& folder, const ShotRecord& stored,
                                           const RawShot& raw) const {
   ASSIGN_OR_RETURN(Developed now, Develop(raw, rig_.file().develop, rig_.file().geometry));
-  ASSIGN_OR_RETURN(DecodedBasis then,
-                   ReadBasisExr(absl::StrCat(folder.path(), "/", stored.file), env_));
+  auto bytes = env_.ReadFile(absl::StrCat(folder.path(), "/", stored.file));
+  if (!bytes.ok() || Sha256Hex(*bytes) != stored.sha256) {
+    return Error(absl::StatusCode::kDataLoss, "REFERENCE_DAMAGED",
+                 absl::StrFormat(
+                     "%s, with which a new picture is to be compared, %s: nothing can "
+                     "tell whether camera, object and lights are as they were. Resume "
+                     "again to go on regardless; runs verify finds what else is "
+                     "damaged",
+                     stored.file,
+                     bytes.ok() ? "is not what was stored"
+                                : absl::StrCat("cannot be read (", MessageOf(bytes.status()), ")")),
+                 {{"file", stored.file}});
+  }
+  ASSIGN_OR_RETURN(DecodedBasis then, DecodeBasisExr(*bytes, stored.file));
   if (!now.image.pixels.SameShape(then.image.pixels)) {
     return Error(absl::StatusCode::kFailedPrecondition, "REFERENCE_CHANGED",
                  absl::StrCat(stored.file, " has another size than the camera's pictures now"));
@@ -252,9 +293,14 @@ absl::Status RunManager::Cancel(const std::string& id) {
   RETURN_IF_ERROR(folder->PrepareToAppend());
   RETURN_IF_ERROR(folder->AppendState(RunState::kCancelled, absl::OkStatus(), rig_.WallNow()));
   MutexLock lock(&mutex_);
-  past_.erase(id);
-  last_opened_.reset();
+  ForgetLocked(id);
   return absl::OkStatus();
+}
+
+void RunManager::ForgetLocked(const std::string& id) {
+  past_.erase(id);
+  if (last_opened_ && last_opened_->header().id == id) last_opened_.reset();
+  ++forgotten_;
 }
 
 std::string RunManager::active() const {
@@ -275,6 +321,10 @@ bool RunManager::at_rest() const {
 }
 
 void RunManager::Shutdown() {
+  {
+    MutexLock launching(&launch_mutex_);
+    closing_ = true;
+  }
   std::shared_ptr<Active> active = CurrentRun();
   if (!active) return;
   active->engine->Interrupt();
@@ -333,10 +383,17 @@ absl::StatusOr<RunView> RunManager::Get(const std::string& id) {
     auto it = past_.find(id);
     if (it != past_.end()) return it->second;
   }
+  uint64_t forgotten;
+  {
+    MutexLock lock(&mutex_);
+    forgotten = forgotten_;
+  }
   ASSIGN_OR_RETURN(std::shared_ptr<RunFolder> folder, OpenFolder(id));
   RunView view = ViewOf(*folder);
   MutexLock lock(&mutex_);
-  return past_.emplace(id, view).first->second;
+  // Unless it has been changed, or begun again, meanwhile.
+  if (forgotten == forgotten_) past_.emplace(id, view);
+  return view;
 }
 
 absl::StatusOr<std::vector<RunView>> RunManager::List() {
@@ -358,13 +415,21 @@ absl::StatusOr<std::vector<RunView>> RunManager::List() {
 }
 
 absl::StatusOr<std::shared_ptr<RunFolder>> RunManager::OpenFolder(const std::string& id) {
+  uint64_t forgotten;
   {
     MutexLock lock(&mutex_);
     if (last_opened_ && last_opened_->header().id == id) return last_opened_;
+    forgotten = forgotten_;
   }
   ASSIGN_OR_RETURN(std::shared_ptr<RunFolder> folder, data_.OpenRun(id));
   MutexLock lock(&mutex_);
-  last_opened_ = folder;
+  if (forgotten == forgotten_) last_opened_ = folder;
+  return folder;
+}
+
+absl::StatusOr<std::shared_ptr<const RunFolder>> RunManager::Reread(const std::string& id) {
+  if (auto active = ActiveRun(id); active && this->active() == id) return active->folder;
+  ASSIGN_OR_RETURN(std::shared_ptr<const RunFolder> folder, data_.OpenRun(id));
   return folder;
 }
 

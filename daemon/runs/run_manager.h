@@ -48,6 +48,8 @@ class RunManager {
   ~RunManager();  // Shutdown()
 
   absl::StatusOr<uint64_t> FreeBytes() const;
+  // daemon/store/room.h, for the data directory.
+  absl::Status CheckRoom(uint64_t bytes) const;
 
   // The new run's id. INVALID_ARGUMENT as EstimatePlan(); RESOURCE_EXHAUSTED / DISK_TOO_SMALL; FAILED_PRECONDITION as
   // Rig::Acquire().
@@ -61,6 +63,8 @@ class RunManager {
   absl::StatusOr<RunView> Get(const std::string& id);
   absl::StatusOr<std::vector<RunView>> List();  // newest first
   absl::StatusOr<std::shared_ptr<const RunFolder>> Folder(const std::string& id);
+  // Read from disk now, unless the run is being captured: for those who check what is there.
+  absl::StatusOr<std::shared_ptr<const RunFolder>> Reread(const std::string& id);
 
   // Id of the run that uses the rig; empty if none does.
   std::string active() const;
@@ -69,7 +73,7 @@ class RunManager {
   // True unless a run is capturing: what needs the rig at rest may go ahead.
   bool at_rest() const;
 
-  // Interrupts the active run and waits for it.
+  // Interrupts the active run and waits for it. What would begin one afterwards is refused: UNAVAILABLE / DAEMON_ENDING.
   void Shutdown();
 
  private:
@@ -89,14 +93,17 @@ class RunManager {
   // Takes the rig and starts the engine on `folder`.
   absl::Status Launch(std::shared_ptr<RunFolder> folder, const Plan& plan,
                       std::optional<Engine::Resumption> resumption);
+  absl::Status CheckOpenLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(launch_mutex_);
   void RunActive(Active& active);
-  absl::StatusOr<Engine::Resumption> ResumptionOf(const RunFolder& folder) const;
+  Engine::Resumption ResumptionOf(const RunFolder& folder) const;
   absl::Status CompareReference(const RunFolder& folder, const ShotRecord& stored,
                                 const RawShot& raw) const;
   std::shared_ptr<Active> CurrentRun() const;  // or the last one; null before the first
   std::shared_ptr<Active> ActiveRun(const std::string& id) const;
   RunView ViewOf(const RunFolder& folder) const;
   absl::StatusOr<std::shared_ptr<RunFolder>> OpenFolder(const std::string& id);
+  // What is known of a past run is not so any more.
+  void ForgetLocked(const std::string& id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   Rig& rig_;
   const RigFacts& facts_;
@@ -105,12 +112,14 @@ class RunManager {
   const PlanText plan_text_;
 
   Mutex launch_mutex_;  // before mutex_: one start, resume or cancel of a past run at a time
+  bool closing_ ABSL_GUARDED_BY(launch_mutex_) = false;
   mutable Mutex mutex_;
   std::shared_ptr<Active> active_
       ABSL_GUARDED_BY(mutex_);  // shared: calls on it may outlast the run
   std::map<std::string, RunView> past_ ABSL_GUARDED_BY(mutex_);  // what does not change any more
   std::shared_ptr<RunFolder> last_opened_
       ABSL_GUARDED_BY(mutex_);  // of a past run: reading one run means many calls
+  uint64_t forgotten_ ABSL_GUARDED_BY(mutex_) = 0;  // tells a reader that what it read may be old
 };
 
 }  // namespace lightstage

@@ -29,7 +29,7 @@ void Complete(RunFolder& run) {
     Outcomes outcomes;
     Pipeline pipeline(run, TestDevelop, {.workers = 2, .queue_shots = 4}, outcomes.fn());
     for (uint64_t id = 0; id < kShots; ++id) {
-      if (!run.HasRecord(id)) pipeline.Put(TestShot(id));
+      if (!run.HasRecord(id)) PutPatiently(pipeline, TestShot(id));
     }
     pipeline.Drain();
   }
@@ -78,7 +78,7 @@ TEST_P(CrashTest, NothingIsLostAndNothingTwice) {
                           auto id = static_cast<uint8_t>(outcome.shot_id);
                           if (outcome.record.ok() && ::write(told[1], &id, 1) != 1) ::_exit(3);
                         });
-      for (uint64_t id = 0; id < kShots; ++id) pipeline.Put(TestShot(id));
+      for (uint64_t id = 0; id < kShots; ++id) PutPatiently(pipeline, TestShot(id));
     }
     if (!Finish(*run).ok()) ::_exit(4);
     ::_exit(0);

@@ -11,6 +11,7 @@ inline constexpr char kRigFile[] = "rig.toml";
 inline constexpr char kJournalFile[] = "journal";
 inline constexpr const char* kImageFolders[] = {"basis", "dark",
                                                 "reference"};  // ShotKindName of each kind
+inline constexpr char kImageSuffix[] = ".exr";
 inline constexpr char kTemporarySuffix[] = ".tmp";  // of Env::WriteFile's temporary files
 
 }  // namespace lightstage

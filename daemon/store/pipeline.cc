@@ -48,11 +48,14 @@ Pipeline::~Pipeline() {
   committer_.join();
 }
 
-void Pipeline::Put(RawShot shot) {
+void Pipeline::Put(RawShot shot, std::chrono::nanoseconds patience,
+                   absl::FunctionRef<void()> stalled) {
   {
     MutexLock lock(&mutex_);
     ++outstanding_;
   }
+  if (raw_.PushFor(shot, patience)) return;
+  stalled();
   raw_.Push(std::move(shot));
 }
 

@@ -37,7 +37,8 @@ class Pipeline final : public ShotSink {
   ~Pipeline() override;
 
   // A failed shot leaves no file behind, and may be put again. ALREADY_EXISTS / SHOT_DUPLICATE if it has a record.
-  void Put(RawShot shot) override;
+  void Put(RawShot shot, std::chrono::nanoseconds patience,
+           absl::FunctionRef<void()> stalled) override;
   void Drain() override;
 
  private:

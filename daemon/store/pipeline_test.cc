@@ -78,7 +78,7 @@ TEST_F(PipelineTest, AnOutcomeComesOnlyAfterItsRecordIsDurable) {
                         EXPECT_TRUE(on_disk->HasRecord(outcome.shot_id));
                         ++checked;
                       });
-    for (uint64_t id = 0; id < 12; ++id) pipeline.Put(TestShot(id));
+    for (uint64_t id = 0; id < 12; ++id) PutPatiently(pipeline, TestShot(id));
   }
   EXPECT_EQ(checked, 12);
 }
@@ -107,7 +107,8 @@ TEST_F(PipelineTest, AFullDiskFailsShotsCleanlyAndThenGoesOn) {
   env_.FreeDisk();
   Outcomes outcomes;
   Pipeline pipeline(*run_, TestDevelop, {.workers = 2, .queue_shots = 4}, outcomes.fn());
-  for (const ShotOutcome& outcome : failed) pipeline.Put(TestShot(outcome.shot_id, /*attempt=*/2));
+  for (const ShotOutcome& outcome : failed)
+    PutPatiently(pipeline, TestShot(outcome.shot_id, /*attempt=*/2));
   pipeline.Drain();
   EXPECT_EQ(run_->count(), 16u);
   EXPECT_EQ(run_->totals().retakes, failed.size());
@@ -170,7 +171,7 @@ TEST_F(PipelineTest, DevelopErrorsAndWrongShapesAreOutcomes) {
         return developed;
       },
       {.workers = 1, .queue_shots = 1}, outcomes.fn());
-  for (uint64_t id = 1; id < 5; ++id) pipeline.Put(TestShot(id));
+  for (uint64_t id = 1; id < 5; ++id) PutPatiently(pipeline, TestShot(id));
   pipeline.Drain();
   for (const ShotOutcome& outcome : outcomes.Take()) {
     std::string message(outcome.record.status().message());
@@ -206,7 +207,7 @@ TEST_F(PipelineTest, PutWaitsWhileTheQueueIsFull) {
       {.workers = 1, .queue_shots = 2}, outcomes.fn());
   std::thread producer([&] {
     for (uint64_t id = 0; id < 8; ++id) {
-      pipeline.Put(TestShot(id));
+      PutPatiently(pipeline, TestShot(id));
       ++put;
     }
   });

@@ -29,6 +29,10 @@ std::string RecordLine(const ShotRecord& record) {
   return JournalLine(Json({{"type", "shot"}, {"record", ToJson(record)}}).dump());
 }
 
+std::string LostLine(const std::set<uint64_t>& shot_ids) {
+  return JournalLine(Json({{"type", "lost"}, {"shots", shot_ids}}).dump());
+}
+
 std::string StateLine(RunState state, const absl::Status& reason, const std::string& at) {
   Json json = {{"type", "state"}, {"state", RunStateName(state)}, {"at", at}};
   if (!reason.ok()) {
@@ -133,6 +137,17 @@ absl::Status RunFolder::TakeEntry(std::string_view payload) {
     ASSIGN_OR_RETURN(StoredState stored, ReadState(reader));
     RETURN_IF_ERROR(reader.status());
     state_ = std::move(stored);
+  } else if (type == "lost") {
+    std::set<uint64_t> shot_ids;
+    for (const Json& id : reader.Value("shots")) {
+      if (!id.is_number_unsigned() || by_id_.count(id.get<uint64_t>()) == 0) {
+        reader.ErrorAt("shots", absl::StrCat("names ", id.dump(), ", which has no record"));
+        break;
+      }
+      shot_ids.insert(id.get<uint64_t>());
+    }
+    RETURN_IF_ERROR(reader.status());
+    Retract(shot_ids);
   } else if (type == "journal") {
     reader.Int("version", kJournalVersion, kJournalVersion);
     std::string run = reader.String("run");
@@ -141,9 +156,19 @@ absl::Status RunFolder::TakeEntry(std::string_view payload) {
     }
     RETURN_IF_ERROR(reader.status());
   } else {
-    reader.ErrorAt("type", absl::StrCat("is '", type, "', must be journal, state or shot"));
+    reader.ErrorAt("type", absl::StrCat("is '", type, "', must be journal, state, shot or lost"));
   }
   return reader.status();
+}
+
+void RunFolder::Retract(const std::set<uint64_t>& shot_ids) {
+  std::vector<ShotRecord> before = std::exchange(records_, {});
+  totals_ = {};
+  by_id_.clear();
+  last_reference_.reset();
+  for (ShotRecord& record : before) {
+    if (shot_ids.count(record.shot.id) == 0) TakeRecord(std::move(record));
+  }
 }
 
 void RunFolder::TakeRecord(ShotRecord record) {
@@ -176,6 +201,25 @@ absl::Status RunFolder::PrepareToAppend() {
   return absl::OkStatus();
 }
 
+absl::Status RunFolder::RetractLost() {
+  std::set<uint64_t> lost;
+  for (const ShotRecord& record : Records(0, UINT64_MAX)) {
+    auto size = env_.FileSize(Join(path_, record.file));
+    if (size.ok() && *size == record.bytes) continue;
+    if (!size.ok() && !absl::IsNotFound(size.status())) return size.status();
+    spdlog::warn("run {}: {} {}; its shot is taken again", header_.id, record.file,
+                 size.ok() ? absl::StrCat("has ", *size, " bytes, its record says ", record.bytes)
+                           : "is gone");
+    lost.insert(record.shot.id);
+  }
+  if (lost.empty()) return absl::OkStatus();
+  MutexLock append_lock(&append_mutex_);
+  RETURN_IF_ERROR(AppendDurably(LostLine(lost)));
+  MutexLock lock(&mutex_);
+  Retract(lost);
+  return absl::OkStatus();
+}
+
 absl::Status RunFolder::RemoveLeftovers() {
   for (ShotKind kind : {ShotKind::kBasis, ShotKind::kDark, ShotKind::kReference}) {
     std::string folder = Join(path_, ShotKindName(kind));
@@ -187,6 +231,8 @@ absl::Status RunFolder::RemoveLeftovers() {
     std::sort(recorded.begin(), recorded.end());
     bool removed = false;
     for (const std::string& name : names) {
+      // What else lies there is somebody's, not ours.
+      if (!name.ends_with(kImageSuffix) && !name.ends_with(kTemporarySuffix)) continue;
       if (std::binary_search(recorded.begin(), recorded.end(), Join(ShotKindName(kind), name)))
         continue;
       spdlog::info("run {}: removing {}/{}, which has no record", header_.id, ShotKindName(kind),
@@ -336,7 +382,9 @@ absl::StatusOr<std::vector<FolderFile>> RunFolder::ListFiles() const {
   auto add = [&](const std::string& relative) -> absl::Status {
     if (relative.ends_with(kTemporarySuffix)) return absl::OkStatus();
     auto size = env_.FileSize(Join(path_, relative));
-    if (absl::IsNotFound(size.status())) return absl::OkStatus();  // removed meanwhile
+    // Removed meanwhile, or a folder of somebody's.
+    if (absl::IsNotFound(size.status()) || ErrorReason(size.status()) == "FILE_NOT_REGULAR")
+      return absl::OkStatus();
     RETURN_IF_ERROR(size.status());
     files.push_back({relative, *size});
     return absl::OkStatus();

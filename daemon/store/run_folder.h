@@ -7,6 +7,7 @@
 
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -61,10 +62,14 @@ class RunFolder final : public Results {
   // Bytes after the journal's last good line when it was opened: a crash's torn append.
   uint64_t torn_bytes() const;
 
-  // Cuts off a torn journal tail and removes temporary files and images without a record (their shots are taken again); both are
+  // Cuts off a torn journal tail and removes temporary files and EXR files without a record (their shots are taken again); both are
   // logged. damage() if there is any: nothing is appended to a journal that cannot be trusted.
   absl::Status PrepareToAppend();
   bool appending() const;
+
+  // Gives up every record whose image is not there any more or has another size: logged and journaled, so that its shot is taken
+  // again. PrepareToAppend() comes before.
+  absl::Status RetractLost();
 
   // Appends the records of shots whose files are durable, with one sync. If this fails nothing has been appended. ALREADY_EXISTS /
   // SHOT_DUPLICATE if a shot has a record.
@@ -95,6 +100,7 @@ class RunFolder final : public Results {
 
   absl::Status Load();
   absl::Status TakeEntry(std::string_view payload) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Retract(const std::set<uint64_t>& shot_ids) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void TakeRecord(ShotRecord record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status RemoveLeftovers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Durable append, or nothing.

@@ -152,6 +152,37 @@ TEST_F(RunFolderTest, ADamagedJournalStillLoadsButIsNotContinued) {
   EXPECT_EQ(ErrorReason(run_->PrepareToAppend()), "JOURNAL_CORRUPT");
 }
 
+TEST_F(RunFolderTest, RecordsWhoseImageIsGoneOrCutAreGivenUp) {
+  ASSERT_TRUE(run_->AppendRecords({Record(1), Record(9), Record(2), Record(3)}).ok());
+  ASSERT_TRUE(env_.WriteFile(Path("basis/000001.exr"), std::string(100, 'x')).ok());
+  ASSERT_TRUE(env_.WriteFile(Path("basis/000003.exr"), std::string(99, 'x')).ok());
+  Reopen();
+  ASSERT_TRUE(run_->PrepareToAppend().ok());
+  ASSERT_TRUE(run_->RetractLost().ok());
+  for (int round = 0; round < 2; ++round) {
+    EXPECT_THAT(Ids(run_->Records(0, 100)), ElementsAre(1));
+    EXPECT_FALSE(run_->HasRecord(2));
+    EXPECT_FALSE(run_->LastReference().has_value());
+    EXPECT_EQ(run_->totals().bytes, 100u);
+    EXPECT_TRUE(run_->damage().ok());
+    Reopen();
+  }
+  // They can be taken again, and count once.
+  ASSERT_TRUE(run_->PrepareToAppend().ok());
+  ASSERT_TRUE(run_->AppendRecords({Record(2)}).ok());
+  Reopen();
+  EXPECT_THAT(Ids(run_->Records(0, 100)), ElementsAre(1, 2));
+}
+
+TEST_F(RunFolderTest, GivingUpWhatHasNoRecordIsDamage) {
+  std::string journal = env_.ReadFile(Path("journal")).value();
+  ASSERT_TRUE(
+      env_.WriteFile(Path("journal"), journal + JournalLine(R"({"type":"lost","shots":[7]})"))
+          .ok());
+  Reopen();
+  EXPECT_THAT(std::string(run_->damage().message()), HasSubstr("names 7, which has no record"));
+}
+
 TEST_F(RunFolderTest, AnotherRunsJournalIsRefused) {
   ASSERT_TRUE(env_.WriteFile(Path("journal"),
                              JournalLine(R"({"type":"journal","version":1,"run":"other"})"))

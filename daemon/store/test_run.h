@@ -104,7 +104,7 @@ inline std::vector<ShotOutcome> Capture(RunFolder& run, uint64_t first, uint64_t
                                         int workers = 2) {
   Outcomes outcomes;
   Pipeline pipeline(run, TestDevelop, {.workers = workers, .queue_shots = 4}, outcomes.fn());
-  for (uint64_t id = first; id < end; ++id) pipeline.Put(TestShot(id));
+  for (uint64_t id = first; id < end; ++id) PutPatiently(pipeline, TestShot(id));
   pipeline.Drain();
   std::vector<ShotOutcome> failed;
   std::vector<ShotOutcome> all = outcomes.Take();

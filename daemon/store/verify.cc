@@ -106,7 +106,8 @@ class Verification {
     }
     if (whole) RETURN_IF_ERROR(NoteUnrecorded(records));
     if (finished) {
-      if (records.size() != run_.header().expected_shots) {
+      // A damaged journal is told already: that records are missing follows from it.
+      if (run_.damage().ok() && records.size() != run_.header().expected_shots) {
         Note(kJournalFile,
              Loss("SHOTS_MISSING", absl::StrCat("holds ", records.size(), " of ",
                                                 run_.header().expected_shots, " shots")));

@@ -65,7 +65,10 @@ std::string OrEmpty(const char* text) { return text ? text : ""; }
 }  // namespace
 
 absl::Status AravisLink::Check(const _GError* error, std::string_view operation) {
-  if (!error) return absl::OkStatus();
+  if (!error) {
+    answers_ = true;
+    return absl::OkStatus();
+  }
   absl::StatusCode code = absl::StatusCode::kInternal;
   std::string_view reason = "DEVICE_FAULT";
   if (error->domain == ARV_DEVICE_ERROR) {
@@ -400,15 +403,28 @@ absl::Status AravisLink::WarmUp(TimePoint deadline) {
   Duration exposure =
       std::clamp<Duration>(milliseconds(1), capabilities_.min_exposure, capabilities_.max_exposure);
   RETURN_IF_ERROR(SetExposure(exposure).status());
-  bool seen = false;
-  for (int i = 0; i < kWarmUpFrames && clock_.Now() < deadline; ++i) {
-    RETURN_IF_ERROR(SoftwareTrigger());
+  auto next = [&]() -> ArvBuffer* {
     Duration patience = std::min<Duration>(seconds(1) + exposure, deadline - clock_.Now());
     auto us = std::chrono::duration_cast<std::chrono::microseconds>(patience).count();
-    ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream_, std::max<int64_t>(us, 1));
+    return arv_stream_timeout_pop_buffer(stream_, std::max<int64_t>(us, 1));
+  };
+  bool seen = false;
+  int outstanding = 0;
+  for (int i = 0; i < kWarmUpFrames && clock_.Now() < deadline; ++i) {
+    RETURN_IF_ERROR(SoftwareTrigger());
+    ++outstanding;
+    ArvBuffer* buffer = next();
     if (!buffer) continue;
+    --outstanding;
     seen = true;
     if (Take(buffer).frame.ok()) break;
+  }
+  // A late one must not be taken for the first shot's.
+  while (outstanding > 0 && clock_.Now() < deadline) {
+    ArvBuffer* buffer = next();
+    if (!buffer) break;  // lost, not late
+    --outstanding;
+    Take(buffer);
   }
   reporting_ = true;
   // A link that always loses packets shows with the first real frame.

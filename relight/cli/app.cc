@@ -61,6 +61,12 @@ double Share(const Radiance& part, const Radiance& rest) {
 
 absl::StatusOr<Answer> Env(const Flags& flags) {
   ASSIGN_OR_RETURN(Image picture, ReadExr(flags.environment));
+  if (picture.width() != 2 * picture.height()) {
+    return Error(absl::StatusCode::kInvalidArgument, "ENVIRONMENT_INVALID",
+                 absl::StrFormat("%s: a picture of %d×%d; a latitude-longitude map of the whole "
+                                 "sphere is twice as wide as high",
+                                 flags.environment, picture.width(), picture.height()));
+  }
   absl::StatusOr<EnvironmentMap> map = EnvironmentMap::FromImage(std::move(picture));
   if (!map.ok()) return Annotate(map.status(), flags.environment);
   ASSIGN_OR_RETURN(const Dataset dataset, Dataset::Open(flags.dataset));

@@ -14,10 +14,12 @@ bool Says(const std::string& text, const std::string& what) {
 class Damage : public ::testing::Test {
  protected:
   // Two runs: `good` stays as it is, `bad` ends as told.
-  void Capture(bool finished) {
+  void Capture(bool finished, const std::vector<std::string>& flags = {}) {
     Daemon daemon(folder_, RealTime(SmallRig()));
     good_ = daemon.Capture({"light-stage", "--azimuths", "2", "--lamps", "0-3"});
-    bad_ = daemon.StartRun({"light-stage", "--azimuths", "4", "--lamps", "0-9"});
+    std::vector<std::string> plan = {"light-stage", "--azimuths", "4", "--lamps", "0-9"};
+    plan.insert(plan.end(), flags.begin(), flags.end());
+    bad_ = daemon.StartRun(plan);
     if (finished)
       daemon.WaitForRun(bad_, "SUCCEEDED");
     else
@@ -65,6 +67,32 @@ TEST_F(Damage, TruncatedMissingAndStrangeImagesAreNamed) {
   EXPECT_TRUE(Says(fetch.err, "basis/000003.exr")) << fetch.err;
 }
 
+TEST_F(Damage, TheDaemonThatCapturedARunFindsWhatHappenedToItSince) {
+  Daemon daemon(folder_, SmallRig());
+  std::string run = daemon.Capture({"light-stage", "--azimuths", "2", "--lamps", "0-3"});
+  fs::path path = daemon.RunFolder(run);
+  EXPECT_EQ(daemon.Ctl({"runs", "verify", run}).code, 0);
+  WriteText(path / "lights_000.lp", "1\nbasis/000000.exr 0 0 1\n");
+  std::string manifest = ReadText(path / "manifest.json");
+  manifest[manifest.size() / 2] ^= 1;
+  WriteText(path / "manifest.json", manifest);
+  std::string journal = ReadText(path / "journal");
+  journal[journal.size() / 2] ^= 1;
+  WriteText(path / "journal", journal);
+  WriteText(path / "basis/999999.exr", "nobody took me");
+  Answer verify = daemon.Ctl({"runs", "verify", run});
+  EXPECT_EQ(verify.code, 5);
+  std::map<std::string, std::string> problems = Problems(verify);
+  EXPECT_EQ(problems["journal"], "JOURNAL_CORRUPT") << verify.out;
+  EXPECT_EQ(problems["basis/999999.exr"], "FILE_UNRECORDED") << verify.out;
+  journal[journal.size() / 2] ^= 1;
+  WriteText(path / "journal", journal);
+  problems = Problems(daemon.Ctl({"runs", "verify", run}));
+  EXPECT_EQ(problems.count("journal"), 0u);
+  EXPECT_EQ(problems["lights_000.lp"], "LIGHTS_MISMATCH");
+  EXPECT_EQ(problems.count("manifest.json"), 1u);
+}
+
 TEST_F(Damage, ACorruptManifestAndLightPositionsAreFound) {
   Capture(true);
   std::string manifest = ReadText(path_ / "manifest.json");
@@ -89,6 +117,8 @@ TEST_F(Damage, ACorruptJournalIsSaidAndNotContinued) {
   EXPECT_GT(run["doneShots"].get<int>(), 0) << "the good lines count";
   Answer resume = daemon->Ctl({"runs", "resume", bad_});
   EXPECT_EQ(resume.code, 1);
+  EXPECT_TRUE(Says(resume.err, "JOURNAL_CORRUPT")) << resume.err;
+  EXPECT_TRUE(Says(resume.err, "runs verify")) << resume.err;
   Answer verify = daemon->Ctl({"runs", "verify", bad_});
   EXPECT_EQ(verify.code, 5);
   EXPECT_TRUE(Problems(verify).count("journal")) << verify.out;
@@ -105,6 +135,39 @@ TEST_F(Damage, ATornJournalIsACrashAndIsResumed) {
   EXPECT_EQ(daemon->WaitForRun(bad_, "SUCCEEDED")["doneShots"], 40);
   Answer verify = daemon->Ctl({"runs", "verify", bad_});
   EXPECT_EQ(verify.code, 0) << verify.out;
+}
+
+TEST_F(Damage, ImagesThatAreGoneAreTakenAgainWhenTheRunGoesOn) {
+  Capture(false);
+  fs::remove(path_ / "basis/000003.exr");
+  fs::resize_file(path_ / "basis/000005.exr", 100);
+  WriteText(path_ / "basis/notes.txt", "mine");
+  auto daemon = Restart();
+  Answer resume = daemon->Ctl({"runs", "resume", bad_});
+  ASSERT_EQ(resume.code, 0) << resume.err;
+  EXPECT_EQ(daemon->WaitForRun(bad_, "SUCCEEDED")["doneShots"], 40);
+  EXPECT_TRUE(Says(daemon->log(), "basis/000003.exr is gone")) << daemon->log();
+  EXPECT_EQ(ReadText(path_ / "basis/notes.txt"), "mine");
+  fs::remove(path_ / "basis/notes.txt");
+  Answer verify = daemon->Ctl({"runs", "verify", bad_});
+  EXPECT_EQ(verify.code, 0) << verify.out;
+}
+
+TEST_F(Damage, AReferenceThatIsDamagedTellsNothingAndThatIsSaid) {
+  Capture(false, {"--reference-every", "4"});
+  std::string last;
+  for (const auto& entry : fs::directory_iterator(path_ / "reference"))
+    last = std::max(last, entry.path().string());
+  std::string picture = ReadText(last);
+  picture[picture.size() / 2] ^= 1;
+  WriteText(last, picture);
+  auto daemon = Restart();
+  ASSERT_EQ(daemon->Ctl({"runs", "resume", bad_}).code, 0);
+  Json run = daemon->WaitForRun(bad_, "PAUSED");
+  EXPECT_EQ(run["reason"]["reason"], "REFERENCE_DAMAGED") << run;
+  ASSERT_EQ(daemon->Ctl({"runs", "resume", bad_}).code, 0);
+  daemon->WaitForRun(bad_, "SUCCEEDED");
+  EXPECT_EQ(Problems(daemon->Ctl({"runs", "verify", bad_})).size(), 1u);
 }
 
 TEST_F(Damage, AnEmptyJournalIsSaid) {

@@ -56,9 +56,11 @@ TEST(Disk, APlanThatDoesNotFitIsRefusedWithBothFigures) {
   char figure[32];
   std::snprintf(figure, sizeof(figure), "%.1f MB", static_cast<double>(free) / 1e6);
   EXPECT_TRUE(Says(answer.err, figure)) << answer.err << " free: " << figure;
-  size_t figures = 0;
-  for (size_t at = 0; (at = answer.err.find(" MB", at)) != std::string::npos; ++at) ++figures;
-  EXPECT_EQ(figures, 2u) << answer.err;
+  long long needed = std::stoll(estimate["bytes"].get<std::string>()) + (64 << 20);
+  std::snprintf(figure, sizeof(figure), "%.1f MB", static_cast<double>(needed) / 1e6);
+  EXPECT_TRUE(Says(answer.err, figure)) << answer.err << " needed: " << figure;
+  // The dry run says it too.
+  EXPECT_TRUE(Says(estimate["notes"].dump(), figure)) << estimate;
   EXPECT_TRUE(daemon.Ctl({"runs", "list"}).json()["runs"].empty());
   // A small one fits.
   daemon.Capture({"light-stage", "--azimuths", "2", "--lamps", "0-3"});

@@ -157,6 +157,9 @@ TEST(Lifecycle, AToldEndInterruptsTheRunAndTheNextStartGoesOn) {
   ASSERT_EQ(daemon.Ctl({"runs", "resume", run}).code, 0);
   EXPECT_EQ(daemon.WaitForRun(run, "SUCCEEDED")["doneShots"], 60);
   EXPECT_EQ(daemon.Ctl({"runs", "verify", run}).code, 0);
+  // Its terminal is closed.
+  daemon.process().Signal(SIGHUP);
+  EXPECT_EQ(daemon.process().Wait(), 0);
 }
 
 // On virtual time too, which stands still between runs.

@@ -1,6 +1,7 @@
 // How the daemon starts, and when it refuses to.
 #include <netinet/in.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "gtest/gtest.h"
@@ -108,6 +109,27 @@ TEST(Startup, OnlyLoopbackIsServed) {
     EXPECT_EQ(answer.code, 1) << address;
     EXPECT_TRUE(Says(answer.err, address)) << answer.err;
   }
+}
+
+TEST(Startup, EmptyNamesAndMissingFoldersAreSaid) {
+  TestFolder folder;
+  WriteText(folder / "rig.toml", SmallRig());
+  Answer nowhere = RunDaemon(folder, {"--rig", folder / "rig.toml", "--data", ""});
+  EXPECT_EQ(nowhere.code, 2);
+  EXPECT_TRUE(Says(nowhere.err, "--data")) << nowhere.err;
+  Answer socket = RunDaemon(folder, {"--rig", folder / "rig.toml", "--data", folder / "data",
+                                     "--listen", "unix:" + (folder / "none/socket")});
+  EXPECT_EQ(socket.code, 1);
+  EXPECT_TRUE(Says(socket.err, "there is no folder " + (folder / "none"))) << socket.err;
+}
+
+TEST(Startup, ARigFileFromAPipe) {
+  TestFolder folder;
+  ASSERT_EQ(mkfifo((folder / "rig.toml").c_str(), 0600), 0);
+  Process daemon({DaemonProgram(), "--rig", folder / "rig.toml", "--check"},
+                 folder / "lightstaged");
+  WriteText(folder / "rig.toml", SmallRig());  // waits for the reader
+  EXPECT_EQ(daemon.Wait(Milliseconds(20000)), 0) << daemon.err();
 }
 
 TEST(Startup, CheckReadsTheRigFileAndTouchesNothing) {

@@ -1,0 +1,229 @@
+// The rig's light: conditions, darkness, and lamps that must be kept from going dark by themselves.
+#include <cmath>
+
+#include "absl/strings/str_format.h"
+#include "daemon/rig/missing.h"
+#include "daemon/rig/rig.h"
+#include "spdlog/spdlog.h"
+
+namespace lightstage {
+namespace {
+
+absl::Status NotConfirmed(std::string message, const ErrorMetadata& metadata) {
+  return Error(absl::StatusCode::kAborted, "LIGHT_NOT_CONFIRMED", message, metadata);
+}
+
+// Levels may be as coarse as the lamps' steps, but nothing else, and a lamp that should shine must not be dark.
+absl::Status CheckConfirmed(const LampsInfo& info, const std::vector<float>& asked,
+                            const std::vector<float>& confirmed) {
+  if (confirmed.size() != asked.size()) {
+    return NotConfirmed(
+        absl::StrFormat("lamps: %d levels confirmed for %d lamps", confirmed.size(), asked.size()),
+        {{"levels", absl::StrCat(confirmed.size())}});
+  }
+  const float tolerance = info.steps > 0 ? 0.5f / static_cast<float>(info.steps) + 1e-4f : 1e-3f;
+  for (size_t i = 0; i < asked.size(); ++i) {
+    bool near = std::abs(confirmed[i] - asked[i]) <= tolerance;
+    if (near && (asked[i] > 0) == (confirmed[i] > 0)) continue;
+    return NotConfirmed(
+        absl::StrFormat("lamp %d: set to %g, the device confirmed %g", i, asked[i], confirmed[i]),
+        {{"lamp", absl::StrCat(i)},
+         {"asked", absl::StrCat(asked[i])},
+         {"confirmed", absl::StrCat(confirmed[i])}});
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+std::unique_ptr<Rig::Lighting> Rig::StartCondition(const Condition& condition) {
+  auto lighting = std::make_unique<Lighting>();
+  lighting->rig_ = this;
+  Duration settle{};
+  if (lamps_) {
+    lighting->levels_.assign(lamps_->info().count, 0.0f);
+    settle = lamps_->info().settle;
+  } else if (!condition.lamps.empty()) {
+    lighting->refused_ = MissingDevice("lamps", "lamps");
+    return lighting;
+  }
+  if (!projector_ && condition.pattern) {
+    lighting->refused_ = MissingDevice("projector", "a pattern");
+    return lighting;
+  }
+  if (projector_) settle = std::max(settle, projector_->info().settle);
+  for (const LampLevel& lamp : condition.lamps) {
+    if (lamp.lamp < 0 || lamp.lamp >= static_cast<int>(lighting->levels_.size())) {
+      lighting->refused_ = Error(absl::StatusCode::kInvalidArgument, "UNKNOWN_LAMP",
+                                 absl::StrFormat("lamp %d: the brace has lamps 0 to %d", lamp.lamp,
+                                                 static_cast<int>(lighting->levels_.size()) - 1),
+                                 {{"lamp", absl::StrCat(lamp.lamp)}});
+      return lighting;
+    }
+    lighting->levels_[lamp.lamp] = static_cast<float>(lamp.level);
+  }
+  lighting->pattern_ = condition.pattern.value_or(Pattern{});
+  lighting->deadline_ = clock_.Now() + settle + device_timeout();
+
+  MutexLock lock(&gate_);
+  lighting->since_ = disturbances_;
+  lighting->refused_ = CheckRunningLocked();
+  if (!lighting->refused_.ok()) return lighting;
+  bool set_lamps, show;
+  {
+    MutexLock state_lock(&state_mutex_);
+    set_lamps = lamps_ && lighting->levels_ != lamps_asked_;
+    show = projector_ && lighting->pattern_ != pattern_;
+    // Until confirmed, unknown: a failed command must not count as "already showing it".
+    if (set_lamps) {
+      lamp_levels_.assign(lamp_levels_.size(), std::nanf(""));
+      lamps_asked_ = lamp_levels_;
+    }
+    if (show) pattern_.grid = -1;
+  }
+  if (set_lamps) {
+    lighting->lamps_.emplace(clock_);
+    lamps_->Set(lighting->levels_, lighting->deadline_, lighting->lamps_->sink());
+  }
+  if (show) {
+    lighting->projector_.emplace(clock_);
+    projector_->Show(lighting->pattern_, lighting->deadline_, lighting->projector_->sink());
+  }
+  return lighting;
+}
+
+absl::Status Rig::Lighting::Wait() {
+  absl::Status first = refused_;
+  TimePoint deadline = deadline_ + rig_->device_timeout();
+  absl::StatusOr<LampsState> lit;
+  if (lamps_) {
+    lit = lamps_->Wait(deadline, "lamps: set");
+    absl::Status status = lit.status();
+    if (status.ok()) status = CheckConfirmed(rig_->lamps_->info(), levels_, lit->levels);
+    if (!status.ok()) lit = status;
+    if (first.ok()) first = Annotate(status, "lamps");
+  }
+  absl::StatusOr<ProjectorState> shown;
+  if (projector_) {
+    shown = projector_->Wait(deadline, "projector: show");
+    absl::Status status = shown.status();
+    if (status.ok() && shown->shown != pattern_) {
+      status = NotConfirmed(
+          absl::StrFormat("told to show %s, it shows %s", PatternName(pattern_),
+                          PatternName(shown->shown)),
+          {{"asked", PatternName(pattern_)}, {"confirmed", PatternName(shown->shown)}});
+      shown = status;
+    }
+    if (first.ok()) first = Annotate(status, "projector");
+  }
+
+  MutexLock gate(&rig_->gate_);
+  // What was confirmed before a stop or halt is not what there is now.
+  absl::Status undisturbed = rig_->CheckUndisturbedLocked(since_);
+  if (first.ok()) first = undisturbed;
+  MutexLock state(&rig_->state_mutex_);
+  if (undisturbed.ok() && lamps_ && lit.ok()) {
+    rig_->lamp_levels_ = lit->levels;
+    rig_->lamps_asked_ = levels_;
+    rig_->KeepLitLocked();
+  }
+  if (undisturbed.ok() && projector_ && shown.ok()) rig_->pattern_ = shown->shown;
+  confirmed_ = rig_->lamp_levels_;
+  return first;
+}
+
+// ---- The lamps' time-to-dark
+
+void Rig::KeepLitLocked() {
+  if (time_to_dark_ == Duration::zero()) return;
+  refreshed_at_ = clock_.Now();  // setting them is a sign of life, too
+  bool lit = false;
+  for (float level : lamp_levels_) lit |= level > 0;
+  if (refreshing_ || !lit) return;
+  refreshing_ = true;
+  ScheduleRefreshLocked();
+}
+
+void Rig::ScheduleRefreshLocked() {
+  clock_.At(clock_.Now() + time_to_dark_ / 3, [guard = refresh_guard_] {
+    MutexLock lock(&guard->mutex);
+    if (guard->rig) guard->rig->RefreshLamps();
+  });
+}
+
+void Rig::RefreshLamps() {
+  {
+    MutexLock lock(&state_mutex_);
+    refreshing_ = false;
+    for (float level : lamp_levels_) refreshing_ |= level > 0;
+    if (!refreshing_) return;
+  }
+  absl::Status refreshed = lamps_->Refresh();
+  TimePoint now = clock_.Now();
+  if (!refreshed.ok()) spdlog::warn("lamps: refresh failed: {}", MessageOf(refreshed));
+  MutexLock gate(&gate_);
+  MutexLock lock(&state_mutex_);
+  // If this one failed, the next one is the next chance.
+  TimePoint reached = refreshed.ok() ? now : now + time_to_dark_ / 3;
+  if (reached - refreshed_at_ > time_to_dark_) {
+    spdlog::error("lamps: no refresh for {:.1f} s: they have gone dark by themselves",
+                  Seconds(reached - refreshed_at_));
+    ++disturbances_;
+    lamp_levels_.assign(lamp_levels_.size(), std::nanf(""));
+    lamps_asked_ = lamp_levels_;
+    refreshing_ = false;
+    return;
+  }
+  if (refreshed.ok()) refreshed_at_ = now;
+  ScheduleRefreshLocked();
+}
+
+// ---- Dark
+
+Rig::Darkening Rig::StartDark() {
+  Darkening darkening;
+  TimePoint deadline = clock_.Now() + device_timeout();
+  if (lamps_) {
+    darkening.lamps.emplace(clock_);
+    darkening.lamps_deadline = deadline + lamps_->info().settle;
+    lamps_->Dark(darkening.lamps_deadline, darkening.lamps->sink());
+  }
+  if (projector_) {
+    darkening.projector.emplace(clock_);
+    darkening.projector_deadline = deadline + projector_->info().settle;
+    projector_->Black(darkening.projector_deadline, darkening.projector->sink());
+  }
+  return darkening;
+}
+
+absl::Status Rig::FinishDark(Darkening& darkening) {
+  absl::Status first;
+  if (darkening.lamps) {
+    auto state = darkening.lamps->Wait(darkening.lamps_deadline + device_timeout(), "lamps: dark");
+    absl::Status status = state.status();
+    if (status.ok()) {
+      status = CheckConfirmed(lamps_->info(), std::vector<float>(lamps_->info().count, 0.0f),
+                              state->levels);
+    }
+    if (!status.ok()) first = Annotate(status, "lamps");
+    MutexLock lock(&state_mutex_);
+    lamp_levels_.assign(lamp_levels_.size(), status.ok() ? 0.0f : std::nanf(""));
+    lamps_asked_ = lamp_levels_;
+  }
+  if (darkening.projector) {
+    auto state = darkening.projector->Wait(darkening.projector_deadline + device_timeout(),
+                                           "projector: black");
+    if (!state.ok() && first.ok()) first = Annotate(state.status(), "projector");
+    MutexLock lock(&state_mutex_);
+    pattern_ = Pattern{};
+    if (!state.ok()) pattern_.grid = -1;
+  }
+  return first;
+}
+
+absl::Status Rig::Dark() {
+  Darkening darkening = StartDark();
+  return FinishDark(darkening);
+}
+
+}  // namespace lightstage
