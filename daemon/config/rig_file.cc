@@ -93,7 +93,8 @@ ResponseCurve ParseResponse(const TomlTable& table) {
   return {};
 }
 
-DevelopOptions ParseDevelop(const TomlTable& table) {
+// `format`: the camera's, whose codes these options are about. How many of 16 bits it uses only its frames tell.
+DevelopOptions ParseDevelop(const TomlTable& table, PixelFormat format) {
   DevelopOptions develop;
   int processors = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 64);
   develop.workers = static_cast<int>(table.Int("workers", 1, 64, processors));
@@ -101,6 +102,17 @@ DevelopOptions ParseDevelop(const TomlTable& table) {
   develop.response = ParseResponse(table);
   develop.saturation = table.Double("saturation", 0.01, 1, 0.98);
   develop.noise_floor = table.Double("noise_floor", 0, 0.99, 0.002);
+  const int codes = 1 << (8 * BytesPerSample(format));
+  if (const int levels = develop.response.levels();
+      levels > codes || (BytesPerSample(format) == 1 && levels > 0 && levels != codes)) {
+    table.ErrorAt("response_table", absl::StrFormat("has %d entries, %s has %d codes", levels,
+                                                    std::string(PixelFormatName(format)), codes));
+  }
+  if (develop.black_level >= develop.saturation * (codes - 1)) {
+    table.ErrorAt("black_level",
+                  absl::StrFormat("is %g, must be below saturation (%g of %d)", develop.black_level,
+                                  develop.saturation, codes - 1));
+  }
   if (develop.noise_floor >= develop.saturation) {
     table.ErrorAt("noise_floor", absl::StrFormat("is %g, must be below saturation (%g)",
                                                  develop.noise_floor, develop.saturation));
@@ -199,7 +211,7 @@ absl::StatusOr<std::unique_ptr<RigFile>> ParseRigFile(std::string_view text, std
   file->limits =
       ParseLimits(root.Table("limits"), static_cast<int>(file->geometry.brace.lamps.size()));
   ParseDevices(root, drivers, *file);
-  file->develop = ParseDevelop(root.Table("develop"));
+  file->develop = ParseDevelop(root.Table("develop"), file->camera_options.config.format);
   file->store = ParseStore(root.Table("store"));
   file->engine = ParseEngine(root.Table("engine"));
   RETURN_IF_ERROR(document.Finish());

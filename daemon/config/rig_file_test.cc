@@ -304,6 +304,20 @@ TEST(RigFile, RefusesContradictions) {
                 "rig.toml:38:1: [develop] response_table: missing; an array of numbers");
 }
 
+TEST(RigFile, DevelopMustFitTheCamerasCodes) {
+  auto refused = [](const std::string& develop) {
+    return std::string(
+        Parse(absl::StrReplaceAll(kGood, {{"RGB16", "Mono8"}, {"black_level = 64", develop}}))
+            .status()
+            .message());
+  };
+  EXPECT_THAT(refused("black_level = 250"),
+              HasSubstr("rig.toml:39:1: [develop] black_level: is 250, must be below saturation "
+                        "(0.98 of 255)"));
+  EXPECT_THAT(refused("response = \"table\"\nresponse_table = [0, 1, 2, 3]"),
+              HasSubstr("response_table: has 4 entries, Mono8 has 256 codes"));
+}
+
 TEST(RigFile, ReadsAResponseTable) {
   std::string table = "response = \"table\"\nresponse_table = [-5";
   for (int i = 1; i < 256; ++i) absl::StrAppend(&table, ", ", -5 + i * 0.02);
