@@ -96,8 +96,7 @@ ResponseCurve ParseResponse(const TomlTable& table) {
 // `format`: the camera's, whose codes these options are about. How many of 16 bits it uses only its frames tell.
 DevelopOptions ParseDevelop(const TomlTable& table, PixelFormat format) {
   DevelopOptions develop;
-  int processors = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 64);
-  develop.workers = static_cast<int>(table.Int("workers", 1, 64, processors));
+  develop.workers = static_cast<int>(table.Int("workers", 1, 64, DefaultWorkers()));
   develop.black_level = table.Double("black_level", 0, 65534, 0);
   develop.response = ParseResponse(table);
   develop.saturation = table.Double("saturation", 0.01, 1, 0.98);
@@ -193,6 +192,10 @@ void ParseDevices(const TomlTable& root, const DriverRegistry& drivers, RigFile&
 }
 
 }  // namespace
+
+int DefaultWorkers() {
+  return std::clamp(2 * static_cast<int>(std::thread::hardware_concurrency()), 2, 64);
+}
 
 absl::StatusOr<std::unique_ptr<RigFile>> ParseRigFile(std::string_view text, std::string filename,
                                                       const DriverRegistry& drivers) {

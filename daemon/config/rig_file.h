@@ -25,6 +25,9 @@ struct LimitOptions {
   int max_lamps_on = 0;  // at once; a power supply's limit
 };
 
+// Twice the processors: while some wait for the disk others compute.
+int DefaultWorkers();
+
 struct DevelopOptions {
   int workers = 0;         // threads that develop, encode and write; [1, 64]
   double black_level = 0;  // raw code value without light, at full-scale 2^bits − 1

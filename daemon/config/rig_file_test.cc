@@ -151,7 +151,7 @@ exposures_us = [1000]
   EXPECT_TRUE(rig.geometry.brace.lamps.empty());
   EXPECT_FALSE(rig.geometry.projector.present);
   EXPECT_EQ(rig.limits.max_lamps_on, 0);
-  EXPECT_GE(rig.develop.workers, 1);
+  EXPECT_EQ(rig.develop.workers, DefaultWorkers());
   EXPECT_EQ(rig.engine.heartbeat, std::chrono::seconds(2));
 }
 
