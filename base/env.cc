@@ -28,7 +28,7 @@ constexpr size_t kAlignment = 4096;
 // One write of this size keeps a disk's queue full; more only costs memory.
 constexpr size_t kDirectChunk = size_t{4} << 20;
 // More than anything that is read whole: a stream that never ends must not fill the memory.
-constexpr size_t kLargestStream = size_t{1} << 30;
+constexpr size_t kLargestInput = size_t{1} << 30;
 
 class Fd {
  public:
@@ -119,7 +119,14 @@ class PosixAppendFile final : public AppendFile {
 
   absl::Status Sync() override {
     if (::fdatasync(fd_.get()) != 0) return ErrnoError(errno, "fdatasync", path_);
-    return absl::OkStatus();
+    struct stat open, named;
+    if (::fstat(fd_.get(), &open) != 0) return ErrnoError(errno, "stat", path_);
+    if (::stat(path_.c_str(), &named) != 0) return ErrnoError(errno, "stat", path_);
+    if (open.st_dev == named.st_dev && open.st_ino == named.st_ino) return absl::OkStatus();
+    return Error(absl::StatusCode::kDataLoss, "FILE_REPLACED",
+                 absl::StrCat("another file has been put in the place of ", path_,
+                              ", which is being written"),
+                 {{"path", path_}});
   }
 
  private:
@@ -143,13 +150,30 @@ class PosixEnvImpl final : public Env {
     return ReadRange(path, 0, UINT64_MAX);
   }
 
-  absl::StatusOr<std::string> ReadRange(const std::string& path, uint64_t offset,
-                                        uint64_t length) override {
+  absl::StatusOr<std::string> ReadInput(const std::string& path) override {
     ASSIGN_OR_RETURN(Fd fd, OpenFd(path, O_RDONLY));
     struct stat info;
     if (::fstat(fd.get(), &info) != 0) return ErrnoError(errno, "stat", path);
     if (S_ISDIR(info.st_mode)) return ErrnoError(EISDIR, "read", path);
-    if (!S_ISREG(info.st_mode)) return ReadStream(fd, path, offset, length);
+    std::string bytes;
+    for (char chunk[1 << 16];;) {
+      ssize_t n = ::read(fd.get(), chunk, sizeof(chunk));
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return ErrnoError(errno, "read", path);
+      if (n == 0) return bytes;
+      bytes.append(chunk, static_cast<size_t>(n));
+      if (bytes.size() > kLargestInput) return ErrnoError(EFBIG, "read", path);
+    }
+  }
+
+  absl::StatusOr<std::string> ReadRange(const std::string& path, uint64_t offset,
+                                        uint64_t length) override {
+    // O_NONBLOCK, so that opening a pipe does not wait for its writer.
+    ASSIGN_OR_RETURN(Fd fd, OpenFd(path, O_RDONLY | O_NONBLOCK));
+    struct stat info;
+    if (::fstat(fd.get(), &info) != 0) return ErrnoError(errno, "stat", path);
+    if (S_ISDIR(info.st_mode)) return ErrnoError(EISDIR, "read", path);
+    if (!S_ISREG(info.st_mode)) return NotRegular(path);
     auto size = static_cast<uint64_t>(info.st_size);
     std::string bytes(std::min(length, size - std::min(size, offset)), '\0');
     size_t done = 0;
@@ -263,21 +287,6 @@ class PosixEnvImpl final : public Env {
   }
 
  private:
-  // Reads what has no size to ask for - a pipe, a terminal - up to its end.
-  static absl::StatusOr<std::string> ReadStream(const Fd& fd, const std::string& path,
-                                                uint64_t offset, uint64_t length) {
-    std::string bytes;
-    for (char chunk[1 << 16];;) {
-      ssize_t n = ::read(fd.get(), chunk, sizeof(chunk));
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) return ErrnoError(errno, "read", path);
-      if (n == 0) break;
-      bytes.append(chunk, static_cast<size_t>(n));
-      if (bytes.size() > kLargestStream) return ErrnoError(EFBIG, "read", path);
-    }
-    return bytes.substr(std::min<uint64_t>(offset, bytes.size()), length);
-  }
-
   // The regular file, perhaps not there yet, that writing to `name` means. Renaming over a device, a socket or a link would replace
   // that itself.
   static absl::StatusOr<std::string> Replaceable(const std::string& name) {

@@ -17,7 +17,8 @@
 namespace lightstage {
 
 // A file that is only appended to. Append() may be buffered by the kernel; after Sync() returns OK
-// all of it is durable.
+// all of it is durable, under the name that it was opened by: DATA_LOSS / FILE_REPLACED or NOT_FOUND
+// if something else, or nothing, is there now.
 class AppendFile {
  public:
   virtual ~AppendFile() = default;
@@ -35,8 +36,10 @@ class Env {
  public:
   virtual ~Env() = default;
 
-  // A pipe is read to its end.
+  // FAILED_PRECONDITION / FILE_NOT_REGULAR of pipes and devices.
   virtual absl::StatusOr<std::string> ReadFile(const std::string& path) = 0;
+  // What a user named on the command line: also a pipe, to its end. May wait for its writer.
+  virtual absl::StatusOr<std::string> ReadInput(const std::string& path) = 0;
   // Up to `length` bytes from `offset`; fewer only at the end of the file.
   virtual absl::StatusOr<std::string> ReadRange(const std::string& path, uint64_t offset,
                                                 uint64_t length) = 0;

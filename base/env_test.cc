@@ -114,6 +114,7 @@ TEST_P(EnvTest, WritesThroughLinksAndOverNothingThatIsNoFile) {
 
 TEST_P(EnvTest, ReadsAPipeToItsEnd) {
   ASSERT_EQ(::mkfifo(Path("pipe").c_str(), 0600), 0);
+  EXPECT_EQ(ErrorReason(env_->ReadFile(Path("pipe")).status()), "FILE_NOT_REGULAR");
   std::thread writer([&] {
     int fd = ::open(Path("pipe").c_str(), O_WRONLY);
     std::string bytes = Bytes(200000);
@@ -124,10 +125,21 @@ TEST_P(EnvTest, ReadsAPipeToItsEnd) {
     }
     ::close(fd);
   });
-  auto read = env_->ReadFile(Path("pipe"));
+  auto read = env_->ReadInput(Path("pipe"));
   writer.join();
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_TRUE(*read == Bytes(200000));
+}
+
+TEST_P(EnvTest, AnAppendedFileThatWasReplacedIsNoticed) {
+  auto file = env_->OpenAppend(Path("j")).value();
+  ASSERT_TRUE(file->Append("one\n").ok());
+  ASSERT_TRUE(file->Sync().ok());
+  ASSERT_TRUE(env_->WriteFile(Path("j"), "another").ok());
+  ASSERT_TRUE(file->Append("two\n").ok());
+  EXPECT_EQ(ErrorReason(file->Sync()), "FILE_REPLACED");
+  ASSERT_TRUE(env_->Remove(Path("j")).ok());
+  EXPECT_EQ(file->Sync().code(), absl::StatusCode::kNotFound);
 }
 
 TEST_P(EnvTest, AppendAndTruncate) {

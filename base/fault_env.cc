@@ -113,6 +113,11 @@ absl::StatusOr<std::string> FaultEnv::ReadFile(const std::string& path) {
   return base_.ReadFile(path);
 }
 
+absl::StatusOr<std::string> FaultEnv::ReadInput(const std::string& path) {
+  RETURN_IF_ERROR(Check(EnvOp::kRead, path));
+  return base_.ReadInput(path);
+}
+
 absl::StatusOr<std::string> FaultEnv::ReadRange(const std::string& path, uint64_t offset,
                                                 uint64_t length) {
   RETURN_IF_ERROR(Check(EnvOp::kRead, path));

@@ -52,6 +52,7 @@ class FaultEnv final : public Env {
   absl::Status LosePower();
 
   absl::StatusOr<std::string> ReadFile(const std::string& path) override;
+  absl::StatusOr<std::string> ReadInput(const std::string& path) override;
   absl::StatusOr<std::string> ReadRange(const std::string& path, uint64_t offset,
                                         uint64_t length) override;
   absl::Status WriteFile(const std::string& path, std::string_view bytes) override;

@@ -9,7 +9,6 @@
 #include <sstream>
 #include <tuple>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_join.h"
 #include "base/status.h"
 #include "toml++/toml.h"
@@ -71,17 +70,30 @@ size_t EditDistance(std::string_view a, std::string_view b) {
 // the parser puts no limit to how deep they go.
 size_t LineOfTooDeepKey(std::string_view text) {
   size_t line = 1, dots = 0;
-  char before = '\n';
-  for (char c : text) {
-    if (c == '\n') ++line;
-    if (c == '.') {
-      dots = before == '.' ? 0 : dots + 1;  // a row of dots, as in a comment, is no key
-      if (dots >= kDeepestKey) return line;
-    } else if (!absl::ascii_isalnum(static_cast<unsigned char>(c)) &&
-               std::string_view("-_\"' \t").find(c) == std::string_view::npos) {
+  char quote =
+      0;  // that the text is in; strings over several lines need no care, for they hold no keys
+  bool comment = false;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '\n') {
+      ++line;
+      dots = 0;
+      quote = 0;
+      comment = false;
+    } else if (comment) {
+      continue;
+    } else if (quote != 0) {
+      if (c == '\\' && quote == '"') ++i;
+      if (c == quote) quote = 0;
+    } else if (c == '"' || c == '\'') {
+      quote = c;
+    } else if (c == '#') {
+      comment = true;
+    } else if (c == '.') {
+      if (++dots >= kDeepestKey) return line;
+    } else if (std::string_view("=,[]{}").find(c) != std::string_view::npos) {
       dots = 0;
     }
-    before = c;
   }
   return 0;
 }

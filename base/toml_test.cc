@@ -170,6 +170,11 @@ TEST(TomlTest, KeysAreNotDeeperThanTheParserCanStand) {
   for (int i = 0; i < 200000; ++i) key += ".a";
   auto doc = TomlDocument::Parse("x = 1\n" + key + " = 1\n", "rig.toml");
   EXPECT_THAT(std::string(doc.status().message()), HasSubstr("rig.toml:2:1: a key of more than"));
+  for (const char* part : {"\"\u00e9\"", "\"a,\"", "'='", "\"\\\"\""}) {
+    key = part;
+    for (int i = 0; i < 200000; ++i) key += absl::StrCat(" . ", part);
+    EXPECT_FALSE(TomlDocument::Parse("[" + key + "]", "f").ok()) << part;
+  }
   EXPECT_TRUE(TomlDocument::Parse("# " + std::string(500, '.') + "\na.b.c = 0.5\n", "f").ok());
 }
 

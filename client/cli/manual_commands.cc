@@ -122,6 +122,8 @@ absl::StatusOr<ExitCode> Snap(Session& session, const SnapFlags& flags) {
     return UsageError(
         absl::StrCat("there is no folder ", flags.out.substr(0, slash), " for --out"));
   }
+  absl::Status there = world.env.FileSize(flags.out).status();
+  if (!there.ok() && !absl::IsNotFound(there)) return there;
   ASSIGN_OR_RETURN(Connection * connection, session.Connect());
   ASSIGN_OR_RETURN(auto lease, session.TakeControl());
   if (!flags.light.lamps.empty()) {

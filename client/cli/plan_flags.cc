@@ -102,7 +102,7 @@ absl::StatusOr<v1::Plan> MakePlan(const PlanFlags& flags, Env& env) {
     return UsageError("give either light-stage, or projector-4d, or --plan FILE.json");
   }
   if (!program) {
-    auto json = env.ReadFile(flags.file);
+    auto json = env.ReadInput(flags.file);
     if (!json.ok()) return UsageError(MessageOf(json.status()));
     auto plan = PlanFromJson(*json);
     if (!plan.ok()) {

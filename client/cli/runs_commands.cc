@@ -92,13 +92,13 @@ absl::StatusOr<ExitCode> Verify(Session& session, const RunsFlags& flags) {
   ASSIGN_OR_RETURN(*request.mutable_name(), Resolve(session, flags.run));
   ASSIGN_OR_RETURN(Connection * connection, session.Connect());
   ProgressLine progress(session.world());
-  int checked = 0;
-  int problems = 0;
+  int checked = 0, total = 0, problems = 0;
   absl::Status printed;
   RETURN_IF_ERROR(ReadStream(
       connection->runs(), &v1::RunService::Stub::VerifyRun, request, session.world().interrupt,
       [&](const v1::VerifyRunResponse& response) {
         checked = response.checked_files();
+        total = response.total_files();
         problems += response.problems_size();
         if (session.json() || response.problems_size() > 0) {
           progress.Clear();
@@ -118,6 +118,12 @@ absl::StatusOr<ExitCode> Verify(Session& session, const RunsFlags& flags) {
       }));
   RETURN_IF_ERROR(printed);
   progress.Clear();
+  if (checked < total) {
+    return Error(
+        absl::StatusCode::kInternal, "VERIFY_INCOMPLETE",
+        absl::StrCat("the daemon ended the verification after ", checked, " of ", total, " files"),
+        {{"checked", absl::StrCat(checked)}, {"total", absl::StrCat(total)}});
+  }
   if (!session.json()) {
     session.world().out << checked << " files checked, "
                         << (problems == 0 ? "no" : absl::StrCat(problems)) << " problem"

@@ -1,6 +1,7 @@
 #include "client/cpp/fetch_run.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <set>
 #include <utility>
@@ -88,6 +89,20 @@ class Fetcher {
       if (request.page_token().empty()) break;
     } while (true);
     return files;
+  }
+
+  // Where the daemon is on this machine, the folder may be the run's own: the daemon writes there.
+  absl::Status CheckElsewhere() {
+    v1::GetRunRequest request;
+    request.set_name(name_);
+    ASSIGN_OR_RETURN(v1::GetRunResponse run,
+                     Call(connection_.runs(), &v1::RunService::Stub::GetRun, request, canceller_));
+    std::error_code error;
+    if (!std::filesystem::equivalent(folder_, run.run().directory(), error))
+      return absl::OkStatus();
+    return Error(absl::StatusCode::kFailedPrecondition, "FOLDER_IS_THE_RUNS",
+                 absl::StrCat(folder_, " is the run's own folder: give another one"),
+                 {{"path", folder_}});
   }
 
   // A folder belongs to the run whose run.json, which never changes, lies in it; that is therefore fetched first. A folder without one
@@ -214,6 +229,7 @@ absl::StatusOr<FetchResult> FetchRun(
     absl::FunctionRef<void(const v1::DatasetFile&, const FetchProgress&)> on_file) {
   RETURN_IF_ERROR(env.CreateDirectories(folder));
   Fetcher fetcher(connection, name, folder, env, options, canceller);
+  RETURN_IF_ERROR(fetcher.CheckElsewhere());
   ASSIGN_OR_RETURN(std::vector<v1::DatasetFile> files, fetcher.List());
   RETURN_IF_ERROR(fetcher.Claim(files));
   FetchResult result;

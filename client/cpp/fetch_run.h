@@ -48,8 +48,8 @@ struct FetchOptions {
   BreakCallback on_break;
 };
 
-// `folder` is created if needed; FAILED_PRECONDITION / FOLDER_HOLDS_ANOTHER_RUN or FOLDER_NOT_EMPTY
-// if what it holds is not this run. Afterwards it holds every file that the run held when this began. A
+// `folder` is created if needed; FAILED_PRECONDITION / FOLDER_HOLDS_ANOTHER_RUN, FOLDER_NOT_EMPTY
+// or FOLDER_IS_THE_RUNS (the one that the daemon writes) if it cannot be used. Afterwards it holds every file that the run held when this began. A
 // file appears whole or not at all; one that is there with the recorded size and SHA-256 is not
 // sent again, so a fetch that broke off is finished by another one. Files without a record
 // (journal, manifest) are always sent. `on_file` is called on this thread when a file is in place,

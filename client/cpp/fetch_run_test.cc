@@ -23,6 +23,7 @@ class FetchRunTest : public ::testing::Test {
               ::testing::UnitTest::GetInstance()->current_test_info()->name();
     std::filesystem::remove_all(folder_);
     daemon_.Change([](FakeState& s) {
+      s.runs["runs/a"].set_name("runs/a");
       auto& files = s.files["runs/a"];
       files["journal"] = "not checksummed";
       files["manifest.json"] = "{}";

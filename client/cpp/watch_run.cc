@@ -21,17 +21,16 @@ absl::StatusOr<v1::Run> WatchRun(Connection& connection, const std::string& name
   v1::Run run;
   bool enough = false;
   for (;;) {
-    absl::Status status =
-        ReadStream(connection.runs(), &v1::RunService::Stub::WatchRun, request, canceller,
-                   [&](const v1::WatchRunResponse& response) {
-                     retry.Progressed();
-                     run = response.run();
-                     if (request.has_shots_from()) {
-                       request.set_shots_from(request.shots_from() + response.shots_size());
-                     }
-                     enough = !on_update(response);
-                     return !enough;
-                   });
+    absl::Status status = ReadStream(connection.runs(), &v1::RunService::Stub::WatchRun, request,
+                                     canceller, [&](const v1::WatchRunResponse& response) {
+                                       retry.Progressed();
+                                       run = response.run();
+                                       if (request.has_shots_from()) {
+                                         request.set_shots_from(response.next_shots_from());
+                                       }
+                                       enough = !on_update(response);
+                                       return !enough;
+                                     });
     if (enough) return run;
     if (status.ok()) {
       if (HasEnded(run.state())) return run;

@@ -12,6 +12,7 @@
 #include "base/failpoint.h"
 #include "base/memory.h"
 #include "base/status.h"
+#include "base/utf8.h"
 #include "base/version.h"
 #include "daemon/app/builtin_drivers.h"
 #include "daemon/config/rig_file.h"
@@ -20,6 +21,7 @@
 #include "daemon/rpc/server.h"
 #include "daemon/runs/run_manager.h"
 #include "daemon/store/data_directory.h"
+#include "spdlog/async.h"
 #include "spdlog/sinks/stdout_sinks.h"
 #include "spdlog/spdlog.h"
 
@@ -36,7 +38,7 @@ struct Arguments {
 
 absl::StatusOr<std::unique_ptr<RigFile>> LoadRigFile(const std::string& path,
                                                      const DriverRegistry& drivers) {
-  ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadFile(path));
+  ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadInput(path));
   return ParseRigFile(text, path, drivers);
 }
 
@@ -47,6 +49,12 @@ absl::Status Serve(const Arguments& arguments, const RigFile& file, const sigset
   // Clients are told where a dataset is: that must not depend on where the daemon was started.
   std::error_code error;
   std::string folder = std::filesystem::absolute(arguments.data, error).lexically_normal();
+  if (CleanUtf8(folder) != folder) {
+    return Error(absl::StatusCode::kInvalidArgument, "DATA_DIRECTORY_NAME",
+                 absl::StrCat("data directory ", folder,
+                              ": clients are told where their runs are, so "
+                              "its name must be UTF-8"));
+  }
   if (error) return ErrnoError(error.value(), "find the working directory for", arguments.data);
   ASSIGN_OR_RETURN(std::unique_ptr<DataDirectory> data, DataDirectory::Open(*env, folder));
 
@@ -70,8 +78,24 @@ absl::Status Serve(const Arguments& arguments, const RigFile& file, const sigset
   sigwait(&signals, &signal);
   spdlog::info("{}: going down", strsignal(signal));
   runs.Shutdown();
+  // Dark and still at once, whatever a client is doing by hand.
+  absl::Status stopped =
+      rig->Stop(Error(absl::StatusCode::kUnavailable, "DAEMON_ENDING", "the daemon is going down"));
+  if (!stopped.ok()) spdlog::error("rig: {}", MessageOf(stopped));
   server.reset();
-  return absl::OkStatus();  // the rig goes dark as it closes
+  return absl::OkStatus();
+}
+
+// Who started the daemon may have chosen to ignore some of them, as nohup does.
+sigset_t EndingSignals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (int signal : {SIGTERM, SIGINT, SIGHUP, SIGQUIT}) {
+    struct sigaction inherited;
+    if (sigaction(signal, nullptr, &inherited) == 0 && inherited.sa_handler == SIG_IGN) continue;
+    sigaddset(&signals, signal);
+  }
+  return signals;
 }
 
 int Main(int argc, char** argv) {
@@ -95,8 +119,6 @@ int Main(int argc, char** argv) {
   if (arguments.listen.empty()) arguments.listen = {kDefaultAddress};
 
   KeepFrameMemory();
-  spdlog::set_default_logger(spdlog::stderr_logger_mt("lightstaged"));
-  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
   auto fail = [](const absl::Status& status) {
     std::cerr << "lightstaged: " << MessageOf(status) << "\n";
     return 1;
@@ -111,12 +133,14 @@ int Main(int argc, char** argv) {
     return 0;
   }
   // Before any thread: all of them leave these signals to Serve(). Not before the rig file is read, which can be a pipe.
-  sigset_t signals;
-  sigemptyset(&signals);
-  for (int signal : {SIGTERM, SIGINT, SIGHUP, SIGQUIT}) sigaddset(&signals, signal);
+  const sigset_t signals = EndingSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
+  // Written by a thread of its own: a terminal that is held up must hold up no rig. If it is held up for long, the oldest lines go.
+  spdlog::set_default_logger(spdlog::create_async_nb<spdlog::sinks::stderr_sink_mt>("lightstaged"));
+  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
   absl::Status served = Serve(arguments, **file, signals);
+  spdlog::shutdown();
   return served.ok() ? 0 : fail(served);
 }
 

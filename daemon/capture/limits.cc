@@ -71,9 +71,10 @@ absl::Status CheckLampLevels(const std::vector<LampLevel>& lamps, const RigFacts
                      {{"lamp", absl::StrCat(lamp.lamp)}, {"lamps", absl::StrCat(count)}});
     }
     if (!(lamp.level >= 0 && lamp.level <= 1)) {
-      return Invalid("LAMP_LEVEL",
-                     absl::StrFormat("lamp %d: level %g is outside [0, 1]", lamp.lamp, lamp.level),
-                     {{"lamp", absl::StrCat(lamp.lamp)}, {"level", absl::StrCat(lamp.level)}});
+      return Invalid(
+          "LAMP_LEVEL",
+          absl::StrFormat("lamp %d: level %.10g is outside [0, 1]", lamp.lamp, lamp.level),
+          {{"lamp", absl::StrCat(lamp.lamp)}, {"level", absl::StrCat(lamp.level)}});
     }
     // Half a step rounds up, as the devices' std::round does.
     if (int steps = facts.lamps->steps; lamp.level > 0 && steps > 0 && lamp.level * steps < 0.5) {

@@ -14,6 +14,9 @@
 namespace lightstage {
 namespace {
 
+// Shorter ones would be missed by a busy machine.
+constexpr Duration kLeastTimeToDark = std::chrono::milliseconds(100);
+
 void CheckOrder(const TomlTable& table, std::string_view low_key, Angle low, Angle high) {
   if (low <= high) return;
   table.ErrorAt(low_key,
@@ -133,8 +136,12 @@ EngineOptions ParseEngine(const TomlTable& table) {
   engine.max_attempts = static_cast<int>(table.Int("max_attempts", 1, 100, 3));
   engine.device_timeout = table.Time("device_timeout_ms", 1, 600e3, 5e3);
   engine.heartbeat = table.Time("heartbeat_ms", 100, 600e3, 2e3);
-  if (table.Has("lamp_time_to_dark_ms"))
+  if (table.Has("lamp_time_to_dark_ms")) {
     engine.lamp_time_to_dark = table.Time("lamp_time_to_dark_ms", 0, 600e3);
+    if (*engine.lamp_time_to_dark > Duration::zero() &&
+        *engine.lamp_time_to_dark < kLeastTimeToDark)
+      table.ErrorAt("lamp_time_to_dark_ms", "must be 0 (not used) or from 100 to 600000");
+  }
   return engine;
 }
 

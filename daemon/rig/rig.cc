@@ -131,8 +131,12 @@ absl::Status Rig::CheckUndisturbedLocked(uint64_t since) const {
                "dark by themselves)");
 }
 
-absl::Status Rig::CheckUndisturbed(uint64_t since) const {
+absl::Status Rig::CheckUndisturbed(uint64_t since) {
   MutexLock lock(&gate_);
+  {
+    MutexLock state_lock(&state_mutex_);
+    CheckStillLitLocked();
+  }
   RETURN_IF_ERROR(CheckRunningLocked());
   return CheckUndisturbedLocked(since);
 }
@@ -197,31 +201,38 @@ absl::Status Rig::DisarmCamera() {
 
 // ---- Stop
 
-absl::Status Rig::StopDevices() {
-  Darkening darkening = StartDark();
-  Standstill standstill = StartStop({AxisId::kTurntable, AxisId::kTilt});
-  absl::Status dark = FinishDark(darkening);
-  absl::Status still = FinishStop(standstill);
+Rig::Stopping Rig::StopDevicesLocked() {
+  ++disturbances_;
+  return {StartDarkLocked(), StartStopLocked({AxisId::kTurntable, AxisId::kTilt})};
+}
+
+absl::Status Rig::Finish(Stopping& stopping) {
+  absl::Status dark = FinishDark(stopping.darkening);
+  absl::Status still = FinishStop(stopping.standstill);
   return dark.ok() ? still : dark;
 }
 
+// Logs only after the devices have been told: a log may block.
 absl::Status Rig::Stop(const absl::Status& reason) {
+  Stopping stopping;
   {
     MutexLock lock(&gate_);
     // The first reason is the cause.
     if (stop_reason_.ok() || ErrorReason(stop_reason_) == kResetting) stop_reason_ = reason;
-    ++disturbances_;
+    stopping = StopDevicesLocked();
   }
+  absl::Status stopped = Finish(stopping);
   spdlog::warn("rig: stop: {}", MessageOf(reason));
-  return StopDevices();
+  return stopped;
 }
 
 absl::Status Rig::Halt() {
+  Stopping stopping;
   {
     MutexLock lock(&gate_);
-    ++disturbances_;
+    stopping = StopDevicesLocked();
   }
-  return StopDevices();
+  return Finish(stopping);
 }
 
 absl::Status Rig::HaltManual() {
@@ -239,6 +250,7 @@ absl::Status Rig::HaltManual() {
 
 absl::Status Rig::Reset() {
   uint64_t since;
+  Stopping stopping;
   {
     MutexLock lock(&gate_);
     if (resetting_) {
@@ -248,9 +260,10 @@ absl::Status Rig::Reset() {
     resetting_ = true;
     if (stop_reason_.ok())
       stop_reason_ = Error(absl::StatusCode::kAborted, kResetting, "a reset is in progress");
-    since = ++disturbances_;
+    stopping = StopDevicesLocked();  // a stalled axis is still busy with its last move
+    since = disturbances_;
   }
-  absl::Status ready = StopDevices();  // a stalled axis is still busy with its last move
+  absl::Status ready = Finish(stopping);
   if (ready.ok()) ready = HomeAll(since, Latch::kResetting);
   MutexLock lock(&gate_);
   resetting_ = false;

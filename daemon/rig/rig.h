@@ -100,7 +100,7 @@ class Rig {
   // Counts whatever took light or motion away from the rig's user.
   uint64_t disturbances() const;
   // OK, RIG_STOPPED, or ABORTED / RIG_DISTURBED if disturbances() has changed.
-  absl::Status CheckUndisturbed(uint64_t since) const;
+  absl::Status CheckUndisturbed(uint64_t since);
   // Asks the axes, if `live`, else what they last reported.
   RigSnapshot Snapshot(bool live);
   Duration device_timeout() const { return file_.engine.device_timeout; }
@@ -122,6 +122,7 @@ class Rig {
   absl::StatusOr<AxisState> ReadAxis(AxisId id);
   // Commands first, waits later: a device that does not answer delays no other.
   struct Darkening {
+    uint64_t lighting = 0;  // the last condition before it
     std::optional<Pending<LampsState>> lamps;
     std::optional<Pending<ProjectorState>> projector;
     TimePoint lamps_deadline{}, projector_deadline{};
@@ -130,16 +131,25 @@ class Rig {
     std::vector<std::pair<AxisId, Pending<AxisState>>> axes;
     TimePoint deadline{};
   };
-  Darkening StartDark();
+  struct Stopping {
+    Darkening darkening;
+    Standstill standstill;
+  };
+  Darkening StartDarkLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(gate_);
   absl::Status FinishDark(Darkening& darkening);
-  Standstill StartStop(std::initializer_list<AxisId> ids);
+  Standstill StartStopLocked(std::initializer_list<AxisId> ids)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(gate_);
   absl::Status FinishStop(Standstill& standstill);
   absl::Status StopAxis(AxisId id);
-  absl::Status StopDevices();
+  // Everything at once, counted as a disturbance.
+  Stopping StopDevicesLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(gate_);
+  absl::Status Finish(Stopping& stopping);
   void StoreAxis(AxisId id, const AxisState& state);
   void MarkMoving(AxisId id);
-  // Refreshes the lamps' time-to-dark as long as one is on.
-  void KeepLitLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(state_mutex_);
+  // Refreshes the lamps' time-to-dark from now on, as long as one is to be lit.
+  void KeepLitLocked(const std::vector<float>& levels) ABSL_EXCLUSIVE_LOCKS_REQUIRED(state_mutex_);
+  // Notices that they have gone dark by themselves.
+  void CheckStillLitLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(gate_, state_mutex_);
   void ScheduleRefreshLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(state_mutex_);
   void RefreshLamps();
   absl::Status WaitAxis(AxisId id, Pending<AxisState>& pending, TimePoint deadline,
@@ -154,6 +164,8 @@ class Rig {
   absl::Status stop_reason_ ABSL_GUARDED_BY(gate_);
   bool resetting_ ABSL_GUARDED_BY(gate_) = false;
   uint64_t disturbances_ ABSL_GUARDED_BY(gate_) = 0;
+  uint64_t light_commands_ ABSL_GUARDED_BY(gate_) =
+      0;  // conditions; an answer to an older one does not count
 
   mutable Mutex state_mutex_;  // after gate_; leaf
   AxisState axis_state_[2] ABSL_GUARDED_BY(state_mutex_);
@@ -161,8 +173,9 @@ class Rig {
   std::vector<float> lamp_levels_ ABSL_GUARDED_BY(state_mutex_);
   std::vector<float> lamps_asked_ ABSL_GUARDED_BY(state_mutex_);
   Pattern pattern_ ABSL_GUARDED_BY(state_mutex_);
-  bool refreshing_ ABSL_GUARDED_BY(state_mutex_) = false;
-  TimePoint refreshed_at_ ABSL_GUARDED_BY(state_mutex_){};
+  bool keep_lit_ ABSL_GUARDED_BY(state_mutex_) = false;     // a lamp was told to be on
+  bool refreshing_ ABSL_GUARDED_BY(state_mutex_) = false;   // a timer is set
+  TimePoint refreshed_at_ ABSL_GUARDED_BY(state_mutex_){};  // last sign of life: when it was sent
   Duration time_to_dark_{};  // 0: the lamps have none, or it is switched off
   // Held during a refresh, which a timer starts; empty once the rig closes. shared: the timer may outlive the rig.
   struct RefreshGuard {
@@ -209,7 +222,7 @@ class Rig::Lighting {
   friend class Rig;
   Rig* rig_ = nullptr;
   absl::Status refused_;
-  uint64_t since_ = 0;
+  uint64_t since_ = 0, command_ = 0;
   TimePoint deadline_{};
   std::optional<Pending<LampsState>> lamps_;
   std::optional<Pending<ProjectorState>> projector_;

@@ -181,7 +181,7 @@ absl::StatusOr<Pose> Rig::ReadPose() {
   return pose;
 }
 
-Rig::Standstill Rig::StartStop(std::initializer_list<AxisId> ids) {
+Rig::Standstill Rig::StartStopLocked(std::initializer_list<AxisId> ids) {
   Standstill standstill;
   standstill.deadline = clock_.Now() + device_timeout();
   for (AxisId id : ids) {
@@ -208,7 +208,11 @@ absl::Status Rig::FinishStop(Standstill& standstill) {
 }
 
 absl::Status Rig::StopAxis(AxisId id) {
-  Standstill standstill = StartStop({id});
+  Standstill standstill;
+  {
+    MutexLock lock(&gate_);
+    standstill = StartStopLocked({id});
+  }
   return FinishStop(standstill);
 }
 

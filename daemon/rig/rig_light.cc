@@ -1,4 +1,5 @@
 // The rig's light: conditions, darkness, and lamps that must be kept from going dark by themselves.
+#include <algorithm>
 #include <cmath>
 
 #include "absl/strings/str_format.h"
@@ -81,7 +82,12 @@ std::unique_ptr<Rig::Lighting> Rig::StartCondition(const Condition& condition) {
     }
     if (show) pattern_.grid = -1;
   }
+  lighting->command_ = set_lamps || show ? ++light_commands_ : light_commands_;
   if (set_lamps) {
+    {
+      MutexLock state_lock(&state_mutex_);
+      KeepLitLocked(lighting->levels_);
+    }
     lighting->lamps_.emplace(clock_);
     lamps_->Set(lighting->levels_, lighting->deadline_, lighting->lamps_->sink());
   }
@@ -121,25 +127,25 @@ absl::Status Rig::Lighting::Wait() {
   // What was confirmed before a stop or halt is not what there is now.
   absl::Status undisturbed = rig_->CheckUndisturbedLocked(since_);
   if (first.ok()) first = undisturbed;
+  const bool latest = undisturbed.ok() && command_ == rig_->light_commands_;
   MutexLock state(&rig_->state_mutex_);
-  if (undisturbed.ok() && lamps_ && lit.ok()) {
+  if (latest && lamps_ && lit.ok()) {
     rig_->lamp_levels_ = lit->levels;
     rig_->lamps_asked_ = levels_;
-    rig_->KeepLitLocked();
   }
-  if (undisturbed.ok() && projector_ && shown.ok()) rig_->pattern_ = shown->shown;
+  if (latest && projector_ && shown.ok()) rig_->pattern_ = shown->shown;
   confirmed_ = rig_->lamp_levels_;
   return first;
 }
 
 // ---- The lamps' time-to-dark
 
-void Rig::KeepLitLocked() {
+// From the command on, not from its confirmation: a long move may lie between the two.
+void Rig::KeepLitLocked(const std::vector<float>& levels) {
   if (time_to_dark_ == Duration::zero()) return;
-  refreshed_at_ = clock_.Now();  // setting them is a sign of life, too
-  bool lit = false;
-  for (float level : lamp_levels_) lit |= level > 0;
-  if (refreshing_ || !lit) return;
+  refreshed_at_ = clock_.Now();
+  keep_lit_ = std::any_of(levels.begin(), levels.end(), [](float level) { return level > 0; });
+  if (refreshing_ || !keep_lit_) return;
   refreshing_ = true;
   ScheduleRefreshLocked();
 }
@@ -152,38 +158,49 @@ void Rig::ScheduleRefreshLocked() {
 }
 
 void Rig::RefreshLamps() {
+  TimePoint asked = clock_.Now();
   {
     MutexLock lock(&state_mutex_);
-    refreshing_ = false;
-    for (float level : lamp_levels_) refreshing_ |= level > 0;
+    refreshing_ = keep_lit_;
     if (!refreshing_) return;
   }
   absl::Status refreshed = lamps_->Refresh();
-  TimePoint now = clock_.Now();
   if (!refreshed.ok()) spdlog::warn("lamps: refresh failed: {}", MessageOf(refreshed));
   MutexLock gate(&gate_);
   MutexLock lock(&state_mutex_);
-  // If this one failed, the next one is the next chance.
-  TimePoint reached = refreshed.ok() ? now : now + time_to_dark_ / 3;
-  if (reached - refreshed_at_ > time_to_dark_) {
-    spdlog::error("lamps: no refresh for {:.1f} s: they have gone dark by themselves",
-                  Seconds(reached - refreshed_at_));
-    ++disturbances_;
-    lamp_levels_.assign(lamp_levels_.size(), std::nanf(""));
-    lamps_asked_ = lamp_levels_;
+  // By now it may have come too late; whoever exposes asks again.
+  CheckStillLitLocked();
+  if (!keep_lit_) {
     refreshing_ = false;
     return;
   }
-  if (refreshed.ok()) refreshed_at_ = now;
+  if (refreshed.ok()) refreshed_at_ = std::max(refreshed_at_, asked);
   ScheduleRefreshLocked();
+}
+
+void Rig::CheckStillLitLocked() {
+  if (!keep_lit_) return;
+  const Duration silence = clock_.Now() - refreshed_at_;
+  if (silence <= time_to_dark_) return;
+  spdlog::error("lamps: no sign of life for {:.3f} s: they have gone dark by themselves",
+                Seconds(silence));
+  ++disturbances_;
+  keep_lit_ = false;
+  lamp_levels_.assign(lamp_levels_.size(), std::nanf(""));
+  lamps_asked_ = lamp_levels_;
 }
 
 // ---- Dark
 
-Rig::Darkening Rig::StartDark() {
+Rig::Darkening Rig::StartDarkLocked() {
   Darkening darkening;
+  darkening.lighting = light_commands_;
   TimePoint deadline = clock_.Now() + device_timeout();
   if (lamps_) {
+    {
+      MutexLock lock(&state_mutex_);
+      keep_lit_ = false;  // also if this fails: then their timer is what makes them dark
+    }
     darkening.lamps.emplace(clock_);
     darkening.lamps_deadline = deadline + lamps_->info().settle;
     lamps_->Dark(darkening.lamps_deadline, darkening.lamps->sink());
@@ -197,32 +214,37 @@ Rig::Darkening Rig::StartDark() {
 }
 
 absl::Status Rig::FinishDark(Darkening& darkening) {
-  absl::Status first;
+  absl::Status lamps, projector;
   if (darkening.lamps) {
     auto state = darkening.lamps->Wait(darkening.lamps_deadline + device_timeout(), "lamps: dark");
-    absl::Status status = state.status();
-    if (status.ok()) {
-      status = CheckConfirmed(lamps_->info(), std::vector<float>(lamps_->info().count, 0.0f),
-                              state->levels);
+    lamps = state.status();
+    if (lamps.ok()) {
+      lamps = CheckConfirmed(lamps_->info(), std::vector<float>(lamps_->info().count, 0.0f),
+                             state->levels);
     }
-    if (!status.ok()) first = Annotate(status, "lamps");
-    MutexLock lock(&state_mutex_);
-    lamp_levels_.assign(lamp_levels_.size(), status.ok() ? 0.0f : std::nanf(""));
-    lamps_asked_ = lamp_levels_;
   }
   if (darkening.projector) {
-    auto state = darkening.projector->Wait(darkening.projector_deadline + device_timeout(),
-                                           "projector: black");
-    if (!state.ok() && first.ok()) first = Annotate(state.status(), "projector");
-    MutexLock lock(&state_mutex_);
-    pattern_ = Pattern{};
-    if (!state.ok()) pattern_.grid = -1;
+    projector = darkening.projector
+                    ->Wait(darkening.projector_deadline + device_timeout(), "projector: black")
+                    .status();
   }
-  return first;
+  MutexLock gate(&gate_);
+  if (darkening.lighting == light_commands_) {  // else light has been asked for meanwhile
+    MutexLock lock(&state_mutex_);
+    lamp_levels_.assign(lamp_levels_.size(), lamps.ok() ? 0.0f : std::nanf(""));
+    lamps_asked_ = lamp_levels_;
+    pattern_ = Pattern{};
+    if (!projector.ok()) pattern_.grid = -1;
+  }
+  return lamps.ok() ? Annotate(projector, "projector") : Annotate(lamps, "lamps");
 }
 
 absl::Status Rig::Dark() {
-  Darkening darkening = StartDark();
+  Darkening darkening;
+  {
+    MutexLock lock(&gate_);
+    darkening = StartDarkLocked();
+  }
   return FinishDark(darkening);
 }
 

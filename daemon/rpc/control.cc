@@ -97,8 +97,8 @@ absl::Status Control::Release(const std::string& token) {
 
 // The caller has set ending_.
 void Control::End(std::string_view why) {
-  spdlog::info("control: {}", why);
   lost_(why);
+  spdlog::info("control: {}", why);
   MutexLock lock(&mutex_);
   token_.clear();
   owner_.clear();

@@ -12,7 +12,7 @@ namespace {
 
 absl::Status Invalid(std::string_view field, double value, std::string_view right) {
   return Error(absl::StatusCode::kInvalidArgument, "PLAN_FIELD",
-               absl::StrFormat("%s is %g; %s", std::string(field), value, std::string(right)),
+               absl::StrFormat("%s is %.10g; %s", std::string(field), value, std::string(right)),
                {{"field", std::string(field)}, {"value", absl::StrCat(value)}});
 }
 

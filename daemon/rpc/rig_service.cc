@@ -18,6 +18,9 @@
 namespace lightstage::rpc {
 namespace {
 
+// Degrees per second; slower is a slip, and would not arrive in anybody's lifetime.
+constexpr double kLeastVelocity = 0.01;
+
 v1::AxisId ToMessage(AxisId id) {
   return id == AxisId::kTurntable ? v1::AXIS_ID_TURNTABLE : v1::AXIS_ID_TILT;
 }
@@ -43,9 +46,12 @@ void AddLit(const std::vector<float>& levels,
 }
 
 absl::Status LightUnknown(std::string_view device) {
-  return Error(absl::StatusCode::kFailedPrecondition, "LIGHT_UNKNOWN",
-               absl::StrCat(device, " did not confirm its last command; reset the rig"),
-               {{"device", std::string(device)}});
+  return Error(
+      absl::StatusCode::kFailedPrecondition, "LIGHT_UNKNOWN",
+      absl::StrCat(device,
+                   " is in an unknown state: it did not confirm its last command, or went dark "
+                   "by itself; set all lamps (others_off), or reset the rig"),
+      {{"device", std::string(device)}});
 }
 
 v1::Device ToMessage(const DeviceIdentity& identity, v1::DeviceKind kind) {
@@ -233,9 +239,11 @@ grpc::Status RigService::MoveAxis(grpc::ServerContext* context, const v1::MoveAx
     }
     AxisId id = request->axis() == v1::AXIS_ID_TURNTABLE ? AxisId::kTurntable : AxisId::kTilt;
     double velocity = request->velocity_dps();
-    if (!(velocity >= 0 && std::isfinite(velocity))) {
+    if (velocity != 0 && !(velocity >= kLeastVelocity && std::isfinite(velocity))) {
       return Error(absl::StatusCode::kInvalidArgument, "VELOCITY",
-                   absl::StrFormat("velocity_dps is %g; it must be finite and >= 0", velocity),
+                   absl::StrFormat("velocity_dps is %.10g; it must be 0, for the axis' own, or at "
+                                   "least %g",
+                                   velocity, kLeastVelocity),
                    {{"velocity_dps", absl::StrCat(velocity)}});
     }
     Angle target = Degrees(request->target_deg());
@@ -251,9 +259,10 @@ grpc::Status RigService::MoveAxis(grpc::ServerContext* context, const v1::MoveAx
   }));
 }
 
-absl::StatusOr<Condition> RigService::Light() {
+absl::StatusOr<Condition> RigService::Light(bool with_lamps) {
   RigSnapshot snapshot = rig_.Snapshot(false);
   Condition light;
+  if (!with_lamps) snapshot.lamp_levels.clear();
   for (size_t i = 0; i < snapshot.lamp_levels.size(); ++i) {
     if (std::isnan(snapshot.lamp_levels[i])) return LightUnknown(absl::StrCat("lamp ", i));
     if (snapshot.lamp_levels[i] > 0)
@@ -275,8 +284,7 @@ absl::Status RigService::ApplyLight(const Condition& condition) {
 grpc::Status RigService::SetLamps(grpc::ServerContext*, const v1::SetLampsRequest* request,
                                   v1::SetLampsResponse* response) {
   return ToGrpc(Manually(request->control_token(), [&]() -> absl::Status {
-    ASSIGN_OR_RETURN(Condition light, Light());
-    if (request->others_off()) light.lamps.clear();
+    ASSIGN_OR_RETURN(Condition light, Light(/*with_lamps=*/!request->others_off()));
     for (const v1::LampLevel& asked : request->lamps()) {
       std::erase_if(light.lamps, [&](const LampLevel& l) { return l.lamp == asked.lamp(); });
       light.lamps.push_back({asked.lamp(), asked.level()});

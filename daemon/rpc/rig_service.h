@@ -50,7 +50,7 @@ class RigService final : public v1::RigService::Service {
   absl::Status Manually(const std::string& token, absl::FunctionRef<absl::Status()> operation);
   absl::Status ApplyLight(const Condition& condition);
   // The light that is on. FAILED_PRECONDITION / LIGHT_UNKNOWN if a device did not confirm what it was told last.
-  absl::StatusOr<Condition> Light();
+  absl::StatusOr<Condition> Light(bool with_lamps = true);
 
   Rig& rig_;
   const RigFacts& facts_;

@@ -3,6 +3,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "base/status.h"
+#include "base/utf8.h"
 #include "daemon/capture/estimate.h"
 #include "daemon/rpc/chunks.h"
 #include "daemon/rpc/convert.h"
@@ -171,10 +172,12 @@ grpc::Status RunService::WatchRun(grpc::ServerContext* context, const v1::WatchR
       bool more = false;
       if (request->has_shots_from()) {
         ASSIGN_OR_RETURN(auto folder, runs_.Folder(id));
-        auto records = folder->Records(next, kMostShotsInAnswer);
-        for (const ShotRecord& record : records) *response.add_shots() = rpc::ToMessage(record);
-        next += records.size();
-        more = records.size() == kMostShotsInAnswer;
+        const uint64_t end = std::min<uint64_t>(next + kMostShotsInAnswer, folder->positions());
+        for (const ShotRecord& record : folder->Records(next, end > next ? end - next : 0))
+          *response.add_shots() = rpc::ToMessage(record);
+        more = end == next + kMostShotsInAnswer;
+        next = std::max(next, end);
+        response.set_next_shots_from(static_cast<int>(next));
       }
       std::string now = response.SerializeAsString();
       if (now != last && !writer->Write(response)) break;
@@ -193,8 +196,8 @@ grpc::Status RunService::ListShots(grpc::ServerContext*, const v1::ListShotsRequ
   auto listed = [&]() -> absl::Status {
     ASSIGN_OR_RETURN(std::string id, RunId(request->parent()));
     ASSIGN_OR_RETURN(auto folder, runs_.Folder(id));
-    ASSIGN_OR_RETURN(
-        Page page, PageOf(folder->count(), request->page_size(), 100, 1000, request->page_token()));
+    ASSIGN_OR_RETURN(Page page, PageOf(folder->positions(), request->page_size(), 100, 1000,
+                                       request->page_token()));
     for (const ShotRecord& record : folder->Records(page.first, page.last - page.first))
       *response->add_shots() = rpc::ToMessage(record);
     response->set_next_page_token(page.next_token);
@@ -225,7 +228,7 @@ grpc::Status RunService::VerifyRun(grpc::ServerContext* context,
     };
     hooks.problem = [&](const VerifyProblem& problem) {
       v1::VerifyProblem* p = response.add_problems();
-      p->set_file(problem.file);
+      p->set_file(CleanUtf8(problem.file));
       *p->mutable_reason() = ToReason(problem.reason);
     };
     hooks.cancelled = [&] { return gone || closed_ || context->IsCancelled(); };
@@ -245,7 +248,7 @@ grpc::Status RunService::ListFiles(grpc::ServerContext*, const v1::ListFilesRequ
     ASSIGN_OR_RETURN(
         Page page, PageOf(files.size(), request->page_size(), 1000, 10000, request->page_token()));
     std::map<std::string, std::string> sums;
-    for (const ShotRecord& record : folder->Records(0, folder->count()))
+    for (const ShotRecord& record : folder->Records(0, UINT64_MAX))
       sums.emplace(record.file, record.sha256);
     for (uint64_t i = page.first; i < page.last; ++i) {
       v1::DatasetFile* file = response->add_files();

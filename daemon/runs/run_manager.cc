@@ -199,6 +199,10 @@ absl::Status RunManager::Resume(const std::string& id) {
     return active->engine->Resume();
   MutexLock launching(&launch_mutex_);
   RETURN_IF_ERROR(CheckOpenLocked());
+  {
+    MutexLock lock(&mutex_);
+    ForgetLocked(id);  // its journal may have been mended by hand
+  }
   ASSIGN_OR_RETURN(RunView run, Get(id));
   if (ErrorReason(run.reason) == "JOURNAL_CORRUPT") {
     return Annotate(run.reason,
@@ -237,9 +241,9 @@ Engine::Resumption RunManager::ResumptionOf(const RunFolder& folder) const {
   Engine::Resumption resumption;
   std::optional<ShotRecord> reference = folder.LastReference();
   // Without reference frames the last basis image that shows something does.
-  for (uint64_t i = folder.count(); !reference && i-- > 0;) {
-    ShotRecord record = folder.Records(i, 1).at(0);
-    if (record.shot.kind == ShotKind::kBasis && !record.checks.nothing_seen) reference = record;
+  const std::vector<ShotRecord> records = folder.Records(0, UINT64_MAX);
+  for (auto it = records.rbegin(); !reference && it != records.rend(); ++it) {
+    if (it->shot.kind == ShotKind::kBasis && !it->checks.nothing_seen) reference = *it;
   }
   if (!reference) return resumption;
   resumption.reference = reference->shot;
@@ -287,6 +291,10 @@ absl::Status RunManager::Cancel(const std::string& id) {
       active && active->engine->progress().state != RunState::kInterrupted)
     return active->engine->Cancel();
   MutexLock launching(&launch_mutex_);
+  {
+    MutexLock lock(&mutex_);
+    ForgetLocked(id);
+  }
   ASSIGN_OR_RETURN(RunView run, Get(id));
   if (!NextState(run.state, RunEvent::kCancel).ok()) return NotActive(id, run.state, "cancel");
   ASSIGN_OR_RETURN(std::unique_ptr<RunFolder> folder, data_.OpenRun(id));

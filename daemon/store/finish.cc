@@ -9,6 +9,7 @@
 namespace lightstage {
 
 absl::Status Finish(const RunFolder& run) {
+  RETURN_IF_ERROR(run.CheckImages());
   const RunHeader& header = run.header();
   Manifest manifest;
   manifest.run_id = header.id;
@@ -21,7 +22,7 @@ absl::Status Finish(const RunFolder& run) {
   manifest.height = header.height;
   manifest.channels = header.channels;
   manifest.compression = header.compression;
-  manifest.shots = run.Records(0, run.count());
+  manifest.shots = run.Records(0, UINT64_MAX);
   std::sort(manifest.shots.begin(), manifest.shots.end(),
             [](const ShotRecord& a, const ShotRecord& b) { return a.shot.id < b.shot.id; });
 

@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "base/failpoint.h"
 #include "base/status.h"
+#include "base/utf8.h"
 #include "daemon/store/journal.h"
 #include "daemon/store/layout.h"
 #include "dataset/record_json.h"
@@ -162,12 +163,20 @@ absl::Status RunFolder::TakeEntry(std::string_view payload) {
 }
 
 void RunFolder::Retract(const std::set<uint64_t>& shot_ids) {
-  std::vector<ShotRecord> before = std::exchange(records_, {});
-  totals_ = {};
-  by_id_.clear();
+  for (uint64_t id : shot_ids) {
+    const auto it = by_id_.find(id);
+    const ShotRecord& record = records_[it->second];
+    --totals_.records;
+    totals_.bytes -= record.bytes;
+    totals_.retakes -= static_cast<uint64_t>(record.attempts - 1);
+    if (record.shot.kind == ShotKind::kBasis && record.checks.nothing_seen) --totals_.nothing_seen;
+    given_up_.insert(it->second);
+    by_id_.erase(it);
+  }
   last_reference_.reset();
-  for (ShotRecord& record : before) {
-    if (shot_ids.count(record.shot.id) == 0) TakeRecord(std::move(record));
+  for (size_t i = 0; i < records_.size(); ++i) {
+    if (records_[i].shot.kind == ShotKind::kReference && given_up_.count(i) == 0)
+      last_reference_ = i;
   }
 }
 
@@ -201,32 +210,64 @@ absl::Status RunFolder::PrepareToAppend() {
   return absl::OkStatus();
 }
 
-absl::Status RunFolder::RetractLost() {
-  std::set<uint64_t> lost;
-  for (const ShotRecord& record : Records(0, UINT64_MAX)) {
+absl::StatusOr<std::vector<RunFolder::Lost>> RunFolder::FindLost() const {
+  std::vector<Lost> lost;
+  for (ShotRecord& record : Records(0, UINT64_MAX)) {
     auto size = env_.FileSize(Join(path_, record.file));
     if (size.ok() && *size == record.bytes) continue;
     if (!size.ok() && !absl::IsNotFound(size.status())) return size.status();
-    spdlog::warn("run {}: {} {}; its shot is taken again", header_.id, record.file,
-                 size.ok() ? absl::StrCat("has ", *size, " bytes, its record says ", record.bytes)
-                           : "is gone");
-    lost.insert(record.shot.id);
+    std::optional<uint64_t> bytes;
+    if (size.ok()) bytes = *size;
+    lost.push_back({std::move(record), bytes});
   }
+  return lost;
+}
+
+absl::Status RunFolder::CheckImages() const {
+  ASSIGN_OR_RETURN(std::vector<Lost> lost, FindLost());
   if (lost.empty()) return absl::OkStatus();
+  return Error(
+      absl::StatusCode::kDataLoss, "IMAGES_LOST",
+      absl::StrCat(lost.size(),
+                   " images are gone or have been cut short since they were "
+                   "stored, the first is ",
+                   lost[0].record.file,
+                   ". They are taken again if the daemon is restarted and the run resumed"),
+      {{"images", absl::StrCat(lost.size())}, {"file", lost[0].record.file}});
+}
+
+absl::Status RunFolder::RetractLost() {
+  ASSIGN_OR_RETURN(std::vector<Lost> lost, FindLost());
+  if (lost.empty()) return absl::OkStatus();
+  std::set<uint64_t> shot_ids;
+  for (const Lost& l : lost) {
+    spdlog::warn("run {}: {} {}; its shot is taken again", header_.id, l.record.file,
+                 l.bytes
+                     ? absl::StrCat("has ", *l.bytes, " bytes, its record says ", l.record.bytes)
+                     : "is gone");
+    shot_ids.insert(l.record.shot.id);
+  }
   MutexLock append_lock(&append_mutex_);
-  RETURN_IF_ERROR(AppendDurably(LostLine(lost)));
-  MutexLock lock(&mutex_);
-  Retract(lost);
+  RETURN_IF_ERROR(AppendDurably(LostLine(shot_ids)));
+  {
+    MutexLock lock(&mutex_);
+    Retract(shot_ids);
+  }
+  for (const Lost& l : lost) {
+    if (l.bytes) RETURN_IF_ERROR(env_.Remove(Join(path_, l.record.file)));
+  }
   return absl::OkStatus();
 }
 
 absl::Status RunFolder::RemoveLeftovers() {
   for (ShotKind kind : {ShotKind::kBasis, ShotKind::kDark, ShotKind::kReference}) {
     std::string folder = Join(path_, ShotKindName(kind));
+    RETURN_IF_ERROR(
+        env_.CreateDirectories(folder));  // somebody may have removed it with what was in it
     ASSIGN_OR_RETURN(std::vector<std::string> names, env_.List(folder));
     std::vector<std::string> recorded;
-    for (const ShotRecord& record : records_) {
-      if (record.shot.kind == kind) recorded.push_back(record.file);
+    for (const auto& [id, position] : by_id_) {
+      if (records_[position].shot.kind == kind) recorded.push_back(records_[position].file);
     }
     std::sort(recorded.begin(), recorded.end());
     bool removed = false;
@@ -235,6 +276,7 @@ absl::Status RunFolder::RemoveLeftovers() {
       if (!name.ends_with(kImageSuffix) && !name.ends_with(kTemporarySuffix)) continue;
       if (std::binary_search(recorded.begin(), recorded.end(), Join(ShotKindName(kind), name)))
         continue;
+      if (ErrorReason(env_.FileSize(Join(folder, name)).status()) == "FILE_NOT_REGULAR") continue;
       spdlog::info("run {}: removing {}/{}, which has no record", header_.id, ShotKindName(kind),
                    name);
       RETURN_IF_ERROR(env_.Remove(Join(folder, name)));
@@ -330,10 +372,16 @@ RunTotals RunFolder::totals() const {
 
 std::vector<ShotRecord> RunFolder::Records(uint64_t first, uint64_t most) const {
   MutexLock lock(&mutex_);
-  if (first >= records_.size()) return {};
-  auto begin = records_.begin() + static_cast<ptrdiff_t>(first);
-  uint64_t count = std::min<uint64_t>(most, records_.size() - first);
-  return {begin, begin + static_cast<ptrdiff_t>(count)};
+  std::vector<ShotRecord> records;
+  for (uint64_t i = first; i < records_.size() && i - first < most; ++i) {
+    if (given_up_.count(i) == 0) records.push_back(records_[i]);
+  }
+  return records;
+}
+
+uint64_t RunFolder::positions() const {
+  MutexLock lock(&mutex_);
+  return records_.size();
 }
 
 bool RunFolder::HasRecord(uint64_t shot_id) const {
@@ -381,6 +429,8 @@ absl::StatusOr<std::vector<FolderFile>> RunFolder::ListFiles() const {
   std::vector<FolderFile> files;
   auto add = [&](const std::string& relative) -> absl::Status {
     if (relative.ends_with(kTemporarySuffix)) return absl::OkStatus();
+    // Clients cannot be told of a name that is no text; none of ours is like that.
+    if (CleanUtf8(relative) != relative) return absl::OkStatus();
     auto size = env_.FileSize(Join(path_, relative));
     // Removed meanwhile, or a folder of somebody's.
     if (absl::IsNotFound(size.status()) || ErrorReason(size.status()) == "FILE_NOT_REGULAR")

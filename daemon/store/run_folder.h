@@ -67,9 +67,11 @@ class RunFolder final : public Results {
   absl::Status PrepareToAppend();
   bool appending() const;
 
-  // Gives up every record whose image is not there any more or has another size: logged and journaled, so that its shot is taken
-  // again. PrepareToAppend() comes before.
+  // Gives up every record whose image is not there any more or has another size (and removes that): logged and journaled, so that its
+  // shot is taken again. PrepareToAppend() comes before.
   absl::Status RetractLost();
+  // DATA_LOSS / IMAGES_LOST naming the first if such records are there.
+  absl::Status CheckImages() const;
 
   // Appends the records of shots whose files are durable, with one sync. If this fails nothing has been appended. ALREADY_EXISTS /
   // SHOT_DUPLICATE if a shot has a record.
@@ -78,8 +80,11 @@ class RunFolder final : public Results {
 
   StoredState state() const;
   RunTotals totals() const;
-  // Records in the order in which they became durable, from position `first` on, at most `most`.
+  // The records at the positions [first, first + most), in the order in which they became durable. A record keeps its position for
+  // ever; those that were given up are left out.
   std::vector<ShotRecord> Records(uint64_t first, uint64_t most) const;
+  // How many positions there are, those of records that were given up among them.
+  uint64_t positions() const;
   bool HasRecord(uint64_t shot_id) const;
   // The last stored reference shot.
   std::optional<ShotRecord> LastReference() const;
@@ -99,6 +104,11 @@ class RunFolder final : public Results {
   RunFolder(Env& env, std::string path, RunHeader header);
 
   absl::Status Load();
+  struct Lost {
+    ShotRecord record;
+    std::optional<uint64_t> bytes;  // there are; none: the file is gone
+  };
+  absl::StatusOr<std::vector<Lost>> FindLost() const;
   absl::Status TakeEntry(std::string_view payload) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Retract(const std::set<uint64_t>& shot_ids) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void TakeRecord(ShotRecord record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -123,7 +133,8 @@ class RunFolder final : public Results {
   bool appending_ ABSL_GUARDED_BY(mutex_) = false;
   StoredState state_ ABSL_GUARDED_BY(mutex_);
   RunTotals totals_ ABSL_GUARDED_BY(mutex_);
-  std::vector<ShotRecord> records_ ABSL_GUARDED_BY(mutex_);
+  std::vector<ShotRecord> records_ ABSL_GUARDED_BY(mutex_);  // by position
+  std::set<size_t> given_up_ ABSL_GUARDED_BY(mutex_);        // positions
   std::unordered_map<uint64_t, size_t> by_id_ ABSL_GUARDED_BY(mutex_);
   std::optional<size_t> last_reference_ ABSL_GUARDED_BY(mutex_);
 };

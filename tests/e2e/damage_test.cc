@@ -1,4 +1,6 @@
 // Files that were damaged behind the daemon's back: found, named, and no reason not to show the other runs.
+#include <sys/stat.h>
+
 #include "gtest/gtest.h"
 #include "tests/harness/daemon.h"
 
@@ -151,6 +153,54 @@ TEST_F(Damage, ImagesThatAreGoneAreTakenAgainWhenTheRunGoesOn) {
   fs::remove(path_ / "basis/notes.txt");
   Answer verify = daemon->Ctl({"runs", "verify", bad_});
   EXPECT_EQ(verify.code, 0) << verify.out;
+}
+
+TEST_F(Damage, ARunsOwnFolderIsNoPlaceToFetchItTo) {
+  Daemon daemon(folder_, SmallRig());
+  std::string run = daemon.Capture({"light-stage", "--azimuths", "2", "--lamps", "0-3"});
+  Answer fetch = daemon.Ctl({"runs", "fetch", run, daemon.RunFolder(run)});
+  EXPECT_EQ(fetch.code, 1);
+  EXPECT_TRUE(Says(fetch.err, "FOLDER_IS_THE_RUNS")) << fetch.err;
+}
+
+TEST_F(Damage, AJournalThatIsTakenAwayPausesTheRun) {
+  Daemon daemon(folder_, RealTime(SmallRig()));
+  std::string run = daemon.StartRun({"light-stage", "--azimuths", "4", "--lamps", "0-9"});
+  daemon.WaitForShots(run, 4);
+  fs::rename(daemon.RunFolder(run) / "journal", daemon.RunFolder(run) / "elsewhere");
+  EXPECT_EQ(daemon.WaitForRun(run, "PAUSED")["reason"]["reason"], "FILE_NOT_FOUND");
+  fs::rename(daemon.RunFolder(run) / "elsewhere", daemon.RunFolder(run) / "journal");
+  ASSERT_EQ(daemon.Ctl({"runs", "resume", run}).code, 0);
+  EXPECT_EQ(daemon.WaitForRun(run, "SUCCEEDED")["doneShots"], 40);
+  EXPECT_EQ(daemon.Ctl({"runs", "verify", run}).code, 0);
+}
+
+TEST_F(Damage, ImagesThatAreTakenAwayDoNotEndInSuccess) {
+  auto daemon = std::make_unique<Daemon>(folder_, RealTime(SmallRig()));
+  bad_ = daemon->StartRun({"light-stage", "--azimuths", "4", "--lamps", "0-9"});
+  daemon->WaitForShots(bad_, 8);
+  path_ = daemon->RunFolder(bad_);
+  fs::remove(path_ / "basis/000001.exr");
+  EXPECT_EQ(daemon->WaitForRun(bad_, "PAUSED")["reason"]["reason"], "IMAGES_LOST");
+  EXPECT_EQ(daemon->Terminate(), 0);
+  daemon = std::make_unique<Daemon>(folder_, RealTime(SmallRig()));
+  ASSERT_EQ(daemon->Ctl({"runs", "resume", bad_}).code, 0);
+  EXPECT_EQ(daemon->WaitForRun(bad_, "SUCCEEDED")["doneShots"], 40);
+  EXPECT_EQ(daemon->Ctl({"runs", "verify", bad_}).code, 0);
+}
+
+TEST_F(Damage, StrangeThingsAmongTheImagesAreNamedAndHangNobody) {
+  Daemon daemon(folder_, SmallRig());
+  std::string run = daemon.Capture({"light-stage", "--azimuths", "2", "--lamps", "0-3"});
+  fs::path path = daemon.RunFolder(run);
+  WriteText(path / "basis/caf\xe9.txt", "not UTF-8");
+  fs::remove(path / "basis/000002.exr");
+  ASSERT_EQ(mkfifo((path / "basis/000002.exr").c_str(), 0600), 0);
+  fs::create_directory(path / "basis/folder.exr");
+  Answer verify = daemon.Ctl({"runs", "verify", run});
+  EXPECT_EQ(verify.code, 5) << verify.err;
+  EXPECT_EQ(Problems(verify)["basis/000002.exr"], "FILE_NOT_REGULAR") << verify.out;
+  EXPECT_EQ(daemon.Terminate(), 0);
 }
 
 TEST_F(Damage, AReferenceThatIsDamagedTellsNothingAndThatIsSaid) {

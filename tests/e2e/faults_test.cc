@@ -57,6 +57,25 @@ TEST(Faults, OneThatPassesIsMended) {
   }
 }
 
+// A table that turns longer than the lamps stay lit by themselves: the daemon must keep them lit on the way.
+TEST(Faults, LampsStayLitOverALongMove) {
+  const std::vector<std::string> plan = {"light-stage", "--azimuths", "0,150.0,20", "--lamps",
+                                         "12,30"};
+  std::string slow = Replaced(SmallRig(), "max_velocity_dps = 720", "max_velocity_dps = 60");
+  auto pictures = [&](const std::string& time_to_dark, const std::string& rig) {
+    TestFolder folder;
+    Daemon daemon(folder,
+                  Replaced(rig, "[engine]", "[engine]\nlamp_time_to_dark_ms = " + time_to_dark));
+    std::map<std::string, std::string> first = Pictures(daemon, daemon.Capture(plan));
+    // From where the first one ended back to its beginning.
+    EXPECT_EQ(Pictures(daemon, daemon.Capture(plan)), first);
+    return first;
+  };
+  const auto kept = pictures("0", slow);
+  EXPECT_EQ(pictures("100", slow), kept);
+  EXPECT_EQ(pictures("300", RealTime(slow)), kept);
+}
+
 TEST(Faults, AProjectorThatRefusesIsAskedAgain) {
   TestFolder folder;
   Daemon daemon(folder, WithFaults(SmallRig(), "projector_refuse_at_show = 9"));

@@ -278,6 +278,7 @@ class FakeDaemon::Runs final : public v1::RunService::Service {
         for (; q->has_shots_from() && sent < shots.size(); ++sent) {
           *response.add_shots() = shots[sent];
         }
+        if (q->has_shots_from()) response.set_next_shots_from(static_cast<int>(sent));
         if (std::optional<grpc::Status> broken = BreakNow()) return *broken;
       }
       writer->Write(response);
