@@ -280,10 +280,11 @@ std::vector<double> TomlTable::Doubles(std::string_view key, double lo, double h
   std::string want =
       count < 0 ? "an array of numbers" : absl::StrCat("an array of ", count, " numbers");
   // What parsing code may index without looking while errors are pending.
+  const bool needed = !fallback.has_value();
   std::vector<double> filler = std::move(fallback).value_or(
       std::vector<double>(static_cast<size_t>(std::max(count, 0)), lo));
   if (node == nullptr) {
-    if (!fallback) ErrorAt(key, absl::StrCat("missing; ", want));
+    if (needed) ErrorAt(key, absl::StrCat("missing; ", want));
     return filler;
   }
   const toml::array* array = node->as_array();

@@ -174,8 +174,8 @@ absl::StatusOr<ExitCode> Fetch(Session& session, const RunsFlags& flags) {
 
 // A subcommand on one run.
 CLI::App* AddRunCommand(CLI::App& runs, const std::string& name, const std::string& description,
-                        std::shared_ptr<RunsFlags> flags, Command& chosen,
-                        std::function<absl::StatusOr<ExitCode>(Session&, const RunsFlags&)> act) {
+                        const std::shared_ptr<RunsFlags>& flags, Command& chosen,
+                        absl::StatusOr<ExitCode> (*act)(Session&, const RunsFlags&)) {
   CLI::App* command = runs.add_subcommand(name, description);
   AddParsed(*command, "run", flags->run, ParseRun, "RUN", "The run: its name, or latest")
       ->required();

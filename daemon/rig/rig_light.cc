@@ -10,7 +10,7 @@
 namespace lightstage {
 namespace {
 
-absl::Status NotConfirmed(std::string message, const ErrorMetadata& metadata) {
+absl::Status NotConfirmed(const std::string& message, const ErrorMetadata& metadata) {
   return Error(absl::StatusCode::kAborted, "LIGHT_NOT_CONFIRMED", message, metadata);
 }
 
