@@ -124,7 +124,7 @@ absl::StatusOr<FrameAttributes> ReadAttributes(const Imf::Header& header, std::s
 
 absl::Status ReadFlags(Imf::InputFile& file, std::vector<uint8_t>& flags) {
   const Imath::Box2i& window = file.header().dataWindow();
-  size_t width = static_cast<size_t>(window.max.x - window.min.x + 1);
+  size_t width = static_cast<size_t>(window.max.x - window.min.x) + 1;
   std::vector<float> values(flags.size());
   Imf::FrameBuffer buffer;
   buffer.insert(kFlags, Imf::Slice::Make(Imf::FLOAT, values.data(), window, sizeof(float),

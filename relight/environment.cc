@@ -102,7 +102,7 @@ absl::StatusOr<Relit> RelightWithEnvironment(const Dataset& dataset, const Envir
     above += std::any_of(parts.begin(), parts.end(),
                          [i](const Accumulator& part) { return part.flags[i] & kAboveRange; });
   }
-  relit.above_range_share = static_cast<double>(above) / static_cast<double>(samples / channels);
+  relit.above_range_share = static_cast<double>(above) * channels / static_cast<double>(samples);
   relit.images_used = static_cast<int>(shots.size());
   relit.images_skipped = static_cast<int>(dataset.basis().size() - shots.size());
   return relit;

@@ -154,7 +154,9 @@ absl::Status RunManager::Launch(std::shared_ptr<RunFolder> folder, const Plan& p
   a->pipeline = std::make_unique<Pipeline>(
       *a->folder, [&file](const RawShot& raw) { return Develop(raw, file.develop, file.geometry); },
       PipelineOptions{file.develop.workers, file.store.queue_shots, compression},
-      [a](ShotOutcome outcome) { a->engine->OnOutcome(outcome.shot_id, outcome.record.status()); });
+      [a](const ShotOutcome& outcome) {
+        a->engine->OnOutcome(outcome.shot_id, outcome.record.status());
+      });
 
   std::shared_ptr<Active> before;
   {

@@ -45,7 +45,7 @@ class Outcome : public CompletionCount, public std::enable_shared_from_this<Outc
 
   // `then` runs inside the completion, for rules about what may be called from there.
   Completion<T> sink(std::function<void()> then = {}) {
-    return [self = this->shared_from_this(), then](absl::StatusOr<T> result) {
+    return [self = this->shared_from_this(), then = std::move(then)](absl::StatusOr<T> result) {
       if (self->calls() == 0) {
         self->result_ = std::move(result);
         self->called_at_ = self->clock_->Now();

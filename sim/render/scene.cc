@@ -38,7 +38,7 @@ void AttachMesh(RTCDevice device, RTCScene scene, const Mesh& mesh) {
   void* indices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                           3 * sizeof(uint32_t), mesh.triangles.size());
   if (vertices != nullptr && indices != nullptr) {
-    std::memcpy(vertices, mesh.vertices.data(), mesh.vertices.size() * sizeof(Vec3f));
+    std::memcpy(vertices, mesh.vertices.data()->data(), mesh.vertices.size() * sizeof(Vec3f));
     std::memcpy(indices, mesh.triangles.data(), mesh.triangles.size() * 3 * sizeof(uint32_t));
     rtcCommitGeometry(geometry);
     rtcAttachGeometry(scene, geometry);  // ids count up from 0, as the meshes do

@@ -42,11 +42,11 @@ class Builder {
     scene_.materials.push_back(std::move(material));
     return static_cast<int>(scene_.materials.size()) - 1;
   }
-  int Matte(Rgb diffuse) { return Add({.diffuse = diffuse}); }
-  int Plastic(Rgb diffuse, float roughness) {
+  int Matte(const Rgb& diffuse) { return Add({.diffuse = diffuse}); }
+  int Plastic(const Rgb& diffuse, float roughness) {
     return Add({.diffuse = diffuse, .specular = Rgb::Constant(0.05f), .roughness = roughness});
   }
-  int Metal(Rgb specular, float roughness) {
+  int Metal(const Rgb& specular, float roughness) {
     return Add({.specular = specular, .roughness = roughness});
   }
   void Put(Mesh mesh, int material) {

@@ -33,9 +33,10 @@ void ProjectorTransport::Add(const Image& raster, float scale, Image* sum) const
         g += value * rgb_[3 * size_t{s} + 1];
         b += value * rgb_[3 * size_t{s} + 2];
       }
-      row[3 * x] += scale * r;
-      row[3 * x + 1] += scale * g;
-      row[3 * x + 2] += scale * b;
+      float* out = &row[3 * static_cast<size_t>(x)];
+      out[0] += scale * r;
+      out[1] += scale * g;
+      out[2] += scale * b;
     }
   });
 }

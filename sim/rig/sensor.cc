@@ -92,6 +92,7 @@ class Chip {
     if (read_noise_ > 0) electrons += read_noise_ * normals_[random >> 48];
     float signal = electrons * gain_;
     if (!sensor_.response.empty()) signal = Respond(signal);
+    // Never negative, and a call per sample would keep the loop from being vectorised. NOLINTNEXTLINE(bugprone-incorrect-roundings)
     return static_cast<uint32_t>(std::clamp(signal * full_scale_ + black_, 0.0f, full_scale_) +
                                  0.5f);
   }

@@ -201,8 +201,10 @@ void SimCamera::Trigger(Duration exposure, TimePoint deadline,
     }
   }
   if (!refused.ok()) {
+    // Then they have not been moved. NOLINTBEGIN(bugprone-use-after-move)
     std::move(exposure_ended)(refused);
     std::move(frame_ready)(refused);
+    // NOLINTEND(bugprone-use-after-move)
     return;
   }
   // Tracing may go on while the sensor gathers light, unless there is work enough.

@@ -133,12 +133,14 @@ void GigeCameraServer::Expose(ArvBuffer* buffer, Duration exposure, double gain_
     spdlog::critical("simulated GigE camera: {}", frame.status().ToString());
     std::abort();
   }
-  size_t pixel = SamplesPerPixel(format.format) * BytesPerSample(format.format);
+  const size_t pixel =
+      static_cast<size_t>(SamplesPerPixel(format.format)) * BytesPerSample(format.format);
+  const size_t line = width * pixel;
   size_t size = 0;
   auto* data = static_cast<std::byte*>(const_cast<void*>(arv_buffer_get_data(buffer, &size)));
   for (int row = 0; row < height; ++row) {
     size_t from = (static_cast<size_t>(top + row) * options_.width + left) * pixel;
-    std::memcpy(data + row * width * pixel, frame->data.data() + from, width * pixel);
+    std::memcpy(data + row * line, frame->data.data() + from, line);
   }
 }
 

@@ -61,7 +61,7 @@ GigeCameraOptions ParsePeer(const TomlTable& table) {
 
 }  // namespace
 
-void RegisterGigePeer(DriverRegistry& registry, std::shared_ptr<Simulation> simulation) {
+void RegisterGigePeer(DriverRegistry& registry, const std::shared_ptr<Simulation>& simulation) {
   registry.cameras["sim-gige"].parse =
       [simulation](const TomlTable& table) -> DeviceOpener<Camera> {
     GigeCameraOptions options = ParsePeer(table);

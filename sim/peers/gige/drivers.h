@@ -17,6 +17,6 @@
 namespace lightstage::sim {
 
 // `simulation` is what RegisterSimulatedDrivers() returned for this registry. Without libaravis the driver is known, but says so.
-void RegisterGigePeer(DriverRegistry& registry, std::shared_ptr<Simulation> simulation);
+void RegisterGigePeer(DriverRegistry& registry, const std::shared_ptr<Simulation>& simulation);
 
 }  // namespace lightstage::sim

@@ -4,7 +4,7 @@
 
 namespace lightstage::sim {
 
-void RegisterGigePeer(DriverRegistry& registry, std::shared_ptr<Simulation>) {
+void RegisterGigePeer(DriverRegistry& registry, const std::shared_ptr<Simulation>&) {
   registry.cameras["sim-gige"] = AravisDriver();  // says what is missing
 }
 
