@@ -18,6 +18,7 @@ set(LIGHTSTAGE_FLOORS
   daemon/rpc=14
   daemon/app=15
   bench=16
+  tools/render=16
   # Clients know the contract only, as anyone's client would.
   client/cpp=2
   client/cli=3

@@ -6,9 +6,11 @@
 
 namespace lightstage {
 
-void RegisterBuiltinDrivers(DriverRegistry& registry) {
-  sim::RegisterGigePeer(registry, sim::RegisterSimulatedDrivers(registry));
+std::shared_ptr<sim::Simulation> RegisterBuiltinDrivers(DriverRegistry& registry) {
+  std::shared_ptr<sim::Simulation> simulation = sim::RegisterSimulatedDrivers(registry);
+  sim::RegisterGigePeer(registry, simulation);
   registry.cameras["aravis"] = AravisDriver();
+  return simulation;
 }
 
 }  // namespace lightstage

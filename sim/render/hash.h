@@ -23,4 +23,20 @@ constexpr uint64_t Fold(uint64_t hash, double value) {
 // [0, 1) from the upper bits of a hash.
 constexpr float UnitFloat(uint64_t hash) { return static_cast<float>(hash >> 40) * 0x1p-24f; }
 
+// One of the n! orders of 0 … n−1, chosen by `key`: where i goes. A Feistel network over the next even number of bits, walked until
+// it lands inside (Black and Rogaway 2002). n ≤ 2³⁰.
+constexpr uint32_t Permute(uint32_t i, uint32_t n, uint64_t key) {
+  if (n < 2) return 0;
+  const int half = (std::bit_width(n - 1) + 1) / 2;
+  const uint32_t mask = (1u << half) - 1;
+  do {
+    for (uint64_t round = 0; round < 3; ++round) {
+      const uint32_t left = i >> half, right = i & mask;
+      i = right << half |
+          (left ^ (static_cast<uint32_t>(Mix(key + (right << 2 | round)) >> 32) & mask));
+    }
+  } while (i >= n);
+  return i;
+}
+
 }  // namespace lightstage::sim

@@ -9,23 +9,35 @@
 
 namespace lightstage::sim {
 
-// What the camera sees, one entry per sample; a sample that sees nothing has a zero normal. Arrays of a multiple of 8 floats,
-// 32-byte aligned.
-struct HitArrays {
-  const float *x, *y, *z;        // just above the surface, where shadow rays start
-  const float *nx, *ny, *nz;     // unit shading normal on the camera's side
+inline constexpr int kLanes = 8;
+
+// Vertices of camera paths (paths.h), arrays of a multiple of kLanes floats, 32-byte aligned.
+struct VertexArrays {
+  const float *x, *y, *z;  // just above the surface, where rays start
+  const float *nx, *ny,
+      *nz;  // unit shading normal on the viewer's side; 0 if no light can be connected
+  const float *vx, *vy, *vz;     // unit, towards the viewer: where the path comes from
+  const float *tr, *tg, *tb;     // throughput from the viewer to here
   const float *dr, *dg, *db;     // diffuse albedo
   const float *sr, *sg, *sb;     // specular reflectance at normal incidence
   const float* roughness;        // GGX α
-  const float *disc_x, *disc_y;  // each sample's own point of the unit disc
-  float camera[3];
+  const float* share;            // probability with which the glossy layer is sampled
+  const float* mis;              // 1 if a light that the next ray meets counts too, else 0
+  const float *disc_x, *disc_y;  // the vertex' own point of the unit disc
+  // The next ray: unit direction, throughput from the viewer to behind it, its density (+inf: the only way), and its length.
+  const float *wx, *wy, *wz;
+  const float *fr, *fg, *fb;
+  const float* pdf;
+  const float* reach;
 };
+inline constexpr int kVertexFloats = 31;
 
-// A Lambertian disc: radiant intensity · cosine of the angle from its axis.
+// A Lambertian disc: radiant intensity · cosine of the angle from its axis, on the side where the axis points.
 struct DiscLight {
   float center[3];
   float u[3], v[3];  // its radius along two axes across
   float axis[3];     // unit, where it shines
+  float radius;      // > 0
   float intensity;   // W/sr along the axis
 };
 
@@ -38,17 +50,29 @@ struct PinholeLight {
   float intensity;  // W/sr along the axis
 };
 
+// One direction per vertex towards light that is infinitely far away: unit vectors, radiance over the direction's density, and that
+// density, 1/sr. A zero density: no light.
+struct FarLight {
+  const float *x, *y, *z;
+  const float *r, *g, *b;
+  const float* pdf;
+};
+
 constexpr uint32_t kUnlit = 0xffffffffu;
 
 struct Kernels {
   const char* name;
-  // Radiance, W/(m²·sr), of the samples [begin, end) into r/g/b[0 … end−begin). Both bounds are multiples of 8.
-  void (*disc)(RTCScene scene, const HitArrays& hits, const DiscLight& light, size_t begin,
-               size_t end, float* r, float* g, float* b);
-  // Likewise with the projector all white, and the projector's pixel (row · width + column) that lights each sample; kUnlit
-  // where none does.
-  void (*pinhole)(RTCScene scene, const HitArrays& hits, const PinholeLight& light, size_t begin,
-                  size_t end, uint32_t* pixel, float* r, float* g, float* b);
+  // What the light adds, by way of each of `count` vertices (a multiple of kLanes), to the radiance that the viewer sees,
+  // W/(m²·sr).
+  void (*disc)(RTCScene scene, const VertexArrays& vertices, const DiscLight& light, size_t count,
+               float* r, float* g, float* b);
+  // Likewise with the projector all white, and the projector's pixel (row · width + column) that lights each vertex; kUnlit where
+  // none does.
+  void (*pinhole)(RTCScene scene, const VertexArrays& vertices, const PinholeLight& light,
+                  size_t count, uint32_t* pixel, float* r, float* g, float* b);
+  // By connection only: what the next rays meet is for the caller to add, with the balance heuristic.
+  void (*far)(RTCScene scene, const VertexArrays& vertices, const FarLight& light, size_t count,
+              float* r, float* g, float* b);
 };
 
 const Kernels& BaselineKernels();

@@ -3,7 +3,7 @@
 namespace lightstage::sim {
 
 const Kernels& BaselineKernels() {
-  static constexpr Kernels kKernels{"baseline", &Disc, &Pinhole};
+  static constexpr Kernels kKernels{"baseline", &Disc, &Pinhole, &Far};
   return kKernels;
 }
 

@@ -262,14 +262,19 @@ TEST(Transport, BothKernelsAgree) {
   if (&BestKernels() == &BaselineKernels()) GTEST_SKIP() << "this machine has one";
   const RigGeometry rig = Rig(0.1);
   const Scene scene = DefaultScene();
-  const Film film(scene, rig.camera, 48, 36, 8, 3);
-  DiscLight light{{0.5f, 0.2f, 0.8f}, {0.1f, 0, 0}, {0, 0.1f, 0}, {-0.5f, -0.2f, -0.8f}, 10};
-  const size_t count = film.row_stride() * film.height();
+  const Paths paths(scene, rig.camera, 48, 36, {.bounces = 1, .seed = 3});
+  const DiscLight light{{0.5f, 0.2f, 0.8f},    {0.1f, 0, 0}, {0, 0.1f, 0},
+                        {-0.5f, -0.2f, -0.8f}, 0.1f,         10};
   auto run = [&](const Kernels& kernels) {
-    std::vector<float> rgb(3 * count);
-    kernels.disc(scene.handle(), film.hits(), light, 0, count, &rgb[0], &rgb[count],
-                 &rgb[2 * count]);
-    return rgb;
+    std::vector<float> all;
+    for (int y = 0; y < paths.height(); ++y) {
+      const Paths::Row& row = paths.row(y);
+      std::vector<float> rgb(3 * row.count);
+      kernels.disc(scene.handle(), row.arrays, light, row.count, &rgb[0], &rgb[row.count],
+                   &rgb[2 * row.count]);
+      all.insert(all.end(), rgb.begin(), rgb.end());
+    }
+    return all;
   };
   const std::vector<float> a = run(BaselineKernels()), b = run(BestKernels());
   int different = 0, lit = 0;

@@ -1,7 +1,6 @@
 #include "sim/render/scene.h"
 
 #include <cstring>
-#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -58,6 +57,8 @@ absl::StatusOr<Scene> Scene::Build(SceneDescription description) {
     return Error(absl::StatusCode::kInternal, "EMBREE", "Embree gives no device");
   }
   scene.scene_ = rtcNewScene(scene.device_);
+  // Rays must not slip through where thin triangles meet.
+  rtcSetSceneFlags(scene.scene_, RTC_SCENE_FLAG_ROBUST);
   for (const Mesh& mesh : scene.description_.meshes) {
     AttachMesh(scene.device_, scene.scene_, mesh);
   }
@@ -80,39 +81,27 @@ Scene::~Scene() {
   if (device_ != nullptr) rtcReleaseDevice(device_);
 }
 
-bool Scene::Intersect(const Vec3f& origin, const Vec3f& direction, Hit* hit) const {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  RTCRayHit ray{};
-  ray.ray.org_x = origin.x();
-  ray.ray.org_y = origin.y();
-  ray.ray.org_z = origin.z();
-  ray.ray.dir_x = direction.x();
-  ray.ray.dir_y = direction.y();
-  ray.ray.dir_z = direction.z();
-  ray.ray.tfar = std::numeric_limits<float>::infinity();
-  ray.ray.mask = ~0u;
-  ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(scene_, &context, &ray);
-  if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
-
-  const Mesh& mesh = description_.meshes[ray.hit.geomID];
-  const auto& t = mesh.triangles[ray.hit.primID];
-  const float u = ray.hit.u, v = ray.hit.v, w = 1 - u - v;
-  hit->point = w * mesh.vertices[t[0]] + u * mesh.vertices[t[1]] + v * mesh.vertices[t[2]];
-  hit->face = (mesh.vertices[t[1]] - mesh.vertices[t[0]])
-                  .cross(mesh.vertices[t[2]] - mesh.vertices[t[0]])
-                  .normalized();
-  hit->normal =
+Scene::Hit Scene::Resolve(uint32_t mesh_index, uint32_t triangle, float u, float v,
+                          const Vec3f& direction) const {
+  const Mesh& mesh = description_.meshes[mesh_index];
+  const auto& t = mesh.triangles[triangle];
+  const float w = 1 - u - v;
+  Hit hit;
+  hit.point = w * mesh.vertices[t[0]] + u * mesh.vertices[t[1]] + v * mesh.vertices[t[2]];
+  hit.face = (mesh.vertices[t[1]] - mesh.vertices[t[0]])
+                 .cross(mesh.vertices[t[2]] - mesh.vertices[t[0]])
+                 .normalized();
+  hit.normal =
       (w * mesh.normals[t[0]] + u * mesh.normals[t[1]] + v * mesh.normals[t[2]]).normalized();
-  if (hit->face.dot(direction) > 0) {  // seen from behind
-    hit->face = -hit->face;
-    hit->normal = -hit->normal;
+  hit.outside = hit.face.dot(direction) <= 0;
+  if (!hit.outside) {
+    hit.face = -hit.face;
+    hit.normal = -hit.normal;
   }
-  hit->material = &description_.materials[mesh.material];
-  hit->diffuse = hit->material->diffuse;
-  if (hit->material->texture) hit->diffuse *= hit->material->texture(hit->point);
-  return true;
+  hit.material = &description_.materials[mesh.material];
+  hit.diffuse = hit.material->diffuse;
+  if (hit.material->texture) hit.diffuse *= hit.material->texture(hit.point);
+  return hit;
 }
 
 }  // namespace lightstage::sim

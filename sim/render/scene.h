@@ -19,11 +19,17 @@ namespace lightstage::sim {
 using Vec3f = Eigen::Vector3f;
 using Rgb = Eigen::Array3f;
 
-// Lambert plus, if `specular` is not 0, a GGX lobe with Schlick's Fresnel term; the diffuse part loses what Fresnel reflects.
 struct Material {
+  enum class Kind {
+    kSurface,  // Lambertian, with a GGX layer if `specular` is not 0 (bsdf.inc): matte, plastic, rough metal
+    kMirror,  // reflects `specular` of the light, at every angle
+    kGlass,   // smooth and clear, of refractive index `ior`, in a closed mesh; Fresnel's equations
+  };
+  Kind kind = Kind::kSurface;
   Rgb diffuse = Rgb::Zero();   // albedo, [0,1]
   Rgb specular = Rgb::Zero();  // reflectance at normal incidence, [0,1]
-  float roughness = 1;         // GGX α, (0,1]
+  float roughness = 1;         // GGX α, [0.01,1]
+  float ior = 1.5f;            // [1,4]
   // Multiplies `diffuse` at a point of the object frame; none: 1.
   std::function<Rgb(const Vec3f&)> texture;
 };
@@ -58,9 +64,10 @@ class Scene {
     Vec3f normal;  // unit shading normal, on the same side
     Rgb diffuse;   // texture applied
     const Material* material;
+    bool outside;  // the ray comes from the outer side of the mesh
   };
-  // False if the ray leaves the scene. `direction` need not be unit.
-  bool Intersect(const Vec3f& origin, const Vec3f& direction, Hit* hit) const;
+  // What Embree found, where. `direction`: the ray's, of any length.
+  Hit Resolve(uint32_t mesh, uint32_t triangle, float u, float v, const Vec3f& direction) const;
 
  private:
   Scene() = default;

@@ -20,6 +20,10 @@ void AverageNormals(Mesh* mesh) {
   for (Vec3f& n : mesh->normals) n.normalize();
 }
 
+bool Coincide(const Mesh& mesh, uint32_t a, uint32_t b) {
+  return (mesh.vertices[a] - mesh.vertices[b]).norm() < 1e-7f;
+}
+
 // One flat quad, counterclockwise from outside.
 void AddQuad(Mesh* mesh, const Vec3f& a, const Vec3f& b, const Vec3f& c, const Vec3f& d) {
   auto first = static_cast<uint32_t>(mesh->vertices.size());
@@ -47,8 +51,9 @@ Mesh Surface(int columns, int rows, bool wrap_s, bool wrap_t,
   for (int j = 0; j < rows; ++j) {
     for (int i = 0; i < columns; ++i) {
       uint32_t a = index(i, j), b = index(i + 1, j), c = index(i + 1, j + 1), d = index(i, j + 1);
-      mesh.triangles.push_back({a, b, c});
-      mesh.triangles.push_back({a, c, d});
+      // At a pole a side has no length, and a triangle on it no area: no face, and no normal to speak of.
+      if (!Coincide(mesh, a, b)) mesh.triangles.push_back({a, b, c});
+      if (!Coincide(mesh, c, d)) mesh.triangles.push_back({a, c, d});
     }
   }
   AverageNormals(&mesh);

@@ -2,7 +2,7 @@
 // what a pose costs to trace is traced once, and any lamp level or pattern is then a product. Light adds, so all pictures made
 // of one transport are exactly consistent with each other.
 //
-// Direct light only: what scatters between surfaces is dark. Thread-safe. The same seed gives the same bytes, however many
+// Thread-safe. The same seed gives the same bytes, however many
 // threads trace and in whatever order things are asked for.
 #pragma once
 
@@ -19,15 +19,17 @@
 #include "base/mutex.h"
 #include "optics/image.h"
 #include "optics/rig_geometry.h"
-#include "sim/render/film.h"
+#include "sim/render/illuminate.h"
+#include "sim/render/paths.h"
 #include "sim/render/scene.h"
 
 namespace lightstage::sim {
 
 struct TransportOptions {
   uint64_t seed = 1;
-  int samples = 8;                         // per camera pixel, [1, 256]
-  size_t cache_bytes = size_t{512} << 20;  // for transport; films (60 bytes per sample) come on top
+  int samples = 8;                         // paths per camera pixel, [1, 65536]
+  int bounces = 0;                         // between surfaces (paths.h); 0: direct light only
+  size_t cache_bytes = size_t{512} << 20;  // for transport; the camera's paths come on top
   double lamp_intensity_w_sr = 10;         // each lamp at level 1, along its axis; Lambertian
   double projector_intensity_w_sr = 10;    // along its axis, at pattern value 1
 };
@@ -35,23 +37,6 @@ struct TransportOptions {
 struct FilmSize {
   int width = 0, height = 0;
   auto operator<=>(const FilmSize&) const = default;
-};
-
-// The camera's samples that the projector reaches at one pose: which projector pixel lights each, and what it adds.
-class ProjectorTransport {
- public:
-  // sum += scale · radiance of `raster`, the pattern on the projector's native pixels (optics/pattern.h Rasterize). `sum`: the
-  // film's size, 3 channels.
-  void Add(const Image& raster, float scale, Image* sum) const;
-  size_t bytes() const;
-
- private:
-  friend class Transport;
-  int width_ = 0;
-  std::vector<uint32_t> first_;   // per camera pixel, and the end: its samples
-  std::vector<uint32_t> source_;  // per sample: the projector's pixel
-  std::vector<float>
-      rgb_;  // per sample: its share of the pixel's radiance, W/(m²·sr), projector white
 };
 
 // Whether to keep what was traced for the next time.
@@ -90,9 +75,7 @@ class Transport {
     size_t bytes;
   };
 
-  std::shared_ptr<const Film> GetFilm(FilmSize size);
-  Image TraceLamp(const Film& film, Angle azimuth, int lamp) const;
-  ProjectorTransport TraceProjector(const Film& film, const Pose& pose) const;
+  std::shared_ptr<const Paths> GetPaths(FilmSize size);
   bool Find(const Key& key, Value* value);
   void Store(const Key& key, Value value, size_t bytes, Keep keep);
 
@@ -100,8 +83,8 @@ class Transport {
   const RigGeometry geometry_;
   const TransportOptions options_;
 
-  Mutex film_mutex_;  // held while a film is traced, so that nobody traces it twice
-  std::map<FilmSize, std::shared_ptr<const Film>> films_ ABSL_GUARDED_BY(film_mutex_);
+  Mutex paths_mutex_;  // held while paths are traced, so that nobody traces them twice
+  std::map<FilmSize, std::shared_ptr<const Paths>> paths_ ABSL_GUARDED_BY(paths_mutex_);
 
   mutable Mutex mutex_;
   std::list<Entry> entries_ ABSL_GUARDED_BY(mutex_);  // most recently used first

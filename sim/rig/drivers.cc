@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "base/mutex.h"
 #include "base/status.h"
+#include "sim/render/paths.h"
 #include "sim/render/scenes.h"
 #include "sim/rig/sim_axis.h"
 #include "sim/rig/sim_camera.h"
@@ -58,6 +59,7 @@ WorldOptions ParseSimulation(const TomlTable& table) {
   o.scene = table.OneOf("scene", SceneNames(), o.scene);
   o.seed = static_cast<uint64_t>(table.Int("seed", 0, INT64_MAX, static_cast<int64_t>(o.seed)));
   o.samples = static_cast<int>(table.Int("samples", 1, 256, o.samples));
+  o.bounces = static_cast<int>(table.Int("bounces", 0, kMostBounces, o.bounces));
   o.cache_bytes = static_cast<size_t>(table.Int("cache_mb", 0, 1 << 20, 512)) << 20;
   o.lamp_intensity_w_sr = table.Double("lamp_intensity_w_sr", 0, 1e6, o.lamp_intensity_w_sr);
   o.projector_intensity_w_sr =
@@ -80,6 +82,11 @@ class SharedSimulation final : public Simulation {
     options_ = std::make_shared<const WorldOptions>(std::move(options));
   }
 
+  WorldOptions options() const override {
+    MutexLock lock(&mutex_);
+    return *options_;
+  }
+
   absl::StatusOr<std::shared_ptr<World>> OpenWorld(const RigGeometry& geometry,
                                                    Clock& clock) override {
     MutexLock lock(&mutex_);
@@ -92,7 +99,7 @@ class SharedSimulation final : public Simulation {
   }
 
  private:
-  Mutex mutex_;
+  mutable Mutex mutex_;
   // shared: compared by identity, so that a rig file read anew gets a world of its own.
   std::shared_ptr<const WorldOptions> options_ ABSL_GUARDED_BY(mutex_) =
       std::make_shared<const WorldOptions>();

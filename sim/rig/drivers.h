@@ -14,6 +14,9 @@ class Simulation {
  public:
   virtual ~Simulation() = default;
 
+  // What [simulation] said; the defaults before a rig file was read. Any thread.
+  virtual WorldOptions options() const = 0;
+
   // The world that this rig's simulated devices share; the first call after the last holder went makes a new one. Any thread.
   virtual absl::StatusOr<std::shared_ptr<World>> OpenWorld(const RigGeometry& geometry,
                                                            Clock& clock) = 0;

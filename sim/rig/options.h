@@ -35,7 +35,8 @@ struct Faults {
 struct WorldOptions {
   std::string scene = "default";
   uint64_t seed = 1;
-  int samples = 8;  // per pixel: each its own point in the pixel and on the lamp
+  int samples = 8;  // paths per pixel: each its own point in the pixel and on the lamp
+  int bounces = 0;  // of light between surfaces (sim/render/paths.h); 0: direct light only
   size_t cache_bytes = size_t{512} << 20;
   double lamp_intensity_w_sr = 10;  // of one lamp at level 1, straight ahead
   double projector_intensity_w_sr =

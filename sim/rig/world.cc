@@ -44,6 +44,7 @@ World::World(const WorldOptions& options, const RigGeometry& geometry, Clock& cl
       transport_(std::move(scene), geometry,
                  {.seed = options.seed,
                   .samples = options.samples,
+                  .bounces = options.bounces,
                   .cache_bytes = options.cache_bytes,
                   .lamp_intensity_w_sr = options.lamp_intensity_w_sr,
                   .projector_intensity_w_sr = options.projector_intensity_w_sr}),

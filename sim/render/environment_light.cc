@@ -1,0 +1,111 @@
+#include "sim/render/environment_light.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <span>
+
+#include "sim/render/parallel.h"
+
+namespace lightstage::sim {
+namespace {
+
+// Where `target` falls in running sums, and its share of that step.
+size_t Step(std::span<const double> ends, double target, double* share) {
+  size_t i = std::upper_bound(ends.begin(), ends.end(), target) - ends.begin();
+  i = std::min(i, ends.size() - 1);
+  // Rounding may lead to a step of no height.
+  while (i > 0 && ends[i] == ends[i - 1]) --i;
+  const double begin = i == 0 ? 0 : ends[i - 1];
+  *share = std::clamp((target - begin) / (ends[i] - begin), 0.0, 1.0);
+  return i;
+}
+
+}  // namespace
+
+EnvironmentLight::EnvironmentLight(const EnvironmentMap& map, Angle rotate)
+    : map_(map), rotate_(rotate) {
+  double rows = 0;
+  for (int y = 0; y < map_.height(); ++y) {
+    double row = 0;
+    for (int x = 0; x < map_.width(); ++x) texel_end_.push_back(row += Weight(x, y));
+    row_end_.push_back(rows += row);
+  }
+}
+
+double EnvironmentLight::Weight(int x, int y) const {
+  return std::max(map_.At(x, y).maxCoeff(), 0.0) * map_.SolidAngle(y);
+}
+
+Radiance EnvironmentLight::At(const Vec3& direction) const {
+  return map_.Lookup(RotateAboutZ(direction, -rotate_)).max(0.0);
+}
+
+EnvironmentLight::Sample EnvironmentLight::Draw(double u, double v) const {
+  const double total = row_end_.back();
+  if (!(total > 0)) return {Vec3::UnitZ(), Radiance::Zero(), 0};
+  double down, right;
+  const auto y = static_cast<int>(Step(row_end_, v * total, &down));
+  const std::span<const double> row(&texel_end_[static_cast<size_t>(y) * map_.width()],
+                                    static_cast<size_t>(map_.width()));
+  const auto x = static_cast<int>(Step(row, u * row.back(), &right));
+  // Evenly by solid angle: the height is even between the texel's edges.
+  const double top = std::cos(map_.TiltOfRow(y).radians()),
+               bottom = std::cos(map_.TiltOfRow(y + 1).radians());
+  const Angle tilt = Radians(std::acos(std::clamp(top + down * (bottom - top), -1.0, 1.0)));
+  const Vec3 direction = DirectionFromAngles(map_.AzimuthOfColumn(x + right), tilt);
+  return {RotateAboutZ(direction, rotate_), map_.At(x, y).max(0.0),
+          Weight(x, y) / total / map_.SolidAngle(y)};
+}
+
+double EnvironmentLight::Pdf(const Vec3& direction) const {
+  const double total = row_end_.back();
+  return total > 0 ? At(direction).maxCoeff() / total : 0;
+}
+
+Image Illuminate(const Scene& scene, const Paths& paths, const EnvironmentLight& light) {
+  Image image(paths.width(), paths.height(), 3);
+  const float share = 1.0f / static_cast<float>(paths.samples());
+  ForRows(paths.height(), [&](int y) {
+    const Paths::Row& row = paths.row(y);
+    const VertexArrays& v = row.arrays;
+    // Per vertex: direction, radiance over density, density; then what comes of it.
+    thread_local std::vector<float> buffer;
+    buffer.assign(10 * row.count, 0.0f);
+    float* a[10];
+    for (int k = 0; k < 10; ++k) a[k] = buffer.data() + k * row.count;
+    for (size_t i = 0; i < row.count; ++i) {
+      if (v.nx[i] == 0 && v.ny[i] == 0 && v.nz[i] == 0) continue;
+      // The vertex' point of the disc (paths.h), as the point of the square that it comes from.
+      const double turn = std::atan2(v.disc_y[i], v.disc_x[i]) / (2 * std::numbers::pi);
+      const double square = double{v.disc_x[i]} * v.disc_x[i] + double{v.disc_y[i]} * v.disc_y[i];
+      const EnvironmentLight::Sample s =
+          light.Draw(turn < 0 ? turn + 1 : turn, std::min(square, 0.9999999));
+      if (s.pdf <= 0) continue;
+      for (int c = 0; c < 3; ++c) {
+        a[c][i] = static_cast<float>(s.direction[c]);
+        a[3 + c][i] = static_cast<float>(s.radiance[c] / s.pdf);
+      }
+      a[6][i] = static_cast<float>(s.pdf);
+    }
+    const FarLight far{a[0], a[1], a[2], a[3], a[4], a[5], a[6]};
+    BestKernels().far(scene.handle(), v, far, row.count, a[7], a[8], a[9]);
+    std::span<float> out = image.row(y);
+    for (int x = 0; x < paths.width(); ++x) {
+      Radiance sum = Radiance::Zero();
+      for (uint32_t i = row.first[x]; i < row.first[x + 1]; ++i) {
+        sum += Radiance(a[7][i], a[8][i], a[9][i]);
+        if (v.pdf[i] <= 0 || std::isfinite(v.reach[i])) continue;
+        // The next ray leaves the scene.
+        const Vec3 direction = Vec3(v.wx[i], v.wy[i], v.wz[i]).normalized();
+        const bool only = v.nx[i] == 0 && v.ny[i] == 0 && v.nz[i] == 0;
+        const double weight = only ? 1 : v.pdf[i] / (v.pdf[i] + light.Pdf(direction));
+        sum += weight * Radiance(v.fr[i], v.fg[i], v.fb[i]) * light.At(direction);
+      }
+      for (int c = 0; c < 3; ++c) out[3 * x + c] = share * static_cast<float>(sum[c]);
+    }
+  });
+  return image;
+}
+
+}  // namespace lightstage::sim

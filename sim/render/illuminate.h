@@ -1,0 +1,50 @@
+// Lights connected to the camera's paths: how much each vertex brings, summed per pixel. Radiance in W/(m²·sr). Thread-safe; all cores
+// work; the same bytes however many there are.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "base/units.h"
+#include "optics/image.h"
+#include "optics/rig_geometry.h"
+#include "sim/render/kernels.h"
+#include "sim/render/paths.h"
+#include "sim/render/scene.h"
+
+namespace lightstage::sim {
+
+// Lamp `lamp` of the brace at level 1 with the turntable at `azimuth`, in the object frame: a Lambertian disc that faces the origin.
+// `intensity_w_sr` along its axis. Lamp, azimuth and seed choose how the vertices' points on it are turned, so that the noise of one
+// does not repeat in another.
+DiscLight LampLight(const BraceGeometry& brace, int lamp, Angle azimuth, double intensity_w_sr,
+                    uint64_t seed);
+
+// A projector without a lens' blur: every pixel shines from one point.
+PinholeLight ProjectorLight(const ProjectorGeometry& projector, const Pose& pose,
+                            double intensity_w_sr);
+
+// The camera's picture, 3 channels.
+Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light);
+
+// The vertices that the projector reaches at one pose: which projector pixel lights each, and what it adds.
+class ProjectorTransport {
+ public:
+  // sum += scale · radiance of `raster`, the pattern on the projector's native pixels (optics/pattern.h Rasterize). `sum`: the
+  // picture's size, 3 channels.
+  void Add(const Image& raster, float scale, Image* sum) const;
+  size_t bytes() const;
+
+ private:
+  friend ProjectorTransport Illuminate(const Scene& scene, const Paths& paths,
+                                       const PinholeLight& light);
+  int width_ = 0;
+  std::vector<uint32_t> first_;   // per camera pixel, and the end: its vertices
+  std::vector<uint32_t> source_;  // per vertex: the projector's pixel
+  std::vector<float> rgb_;  // per vertex: its share of the camera pixel's radiance, projector white
+};
+
+ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const PinholeLight& light);
+
+}  // namespace lightstage::sim

@@ -1,0 +1,205 @@
+#include "tools/render/app.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <optional>
+
+#include "absl/strings/str_format.h"
+#include "base/env.h"
+#include "base/status.h"
+#include "base/version.h"
+#include "client/cli/values.h"
+#include "daemon/app/builtin_drivers.h"
+#include "daemon/config/rig_file.h"
+#include "daemon/rpc/convert.h"
+#include "dataset/exr.h"
+#include "optics/pattern.h"
+#include "relight/png.h"
+#include "sim/render/environment_light.h"
+#include "sim/render/hash.h"
+#include "sim/render/illuminate.h"
+#include "sim/render/paths.h"
+#include "sim/render/scenes.h"
+
+namespace lightstage::sim {
+namespace {
+
+constexpr char kFooter[] = R"(
+SCENE is the name of a scene of the simulator; default: what the rig file's [simulation] says.
+The picture is radiance, W/(m²·sr), as the rig file's camera sees it; MAP is a latitude-longitude
+OpenEXR picture of radiance, as relight env takes it.
+
+Exit codes: 0 done, 1 failed, 2 the command line cannot be read)";
+
+// Paths that are traced at a time, per pixel: the memory they take is bounded, and progress is told in between.
+constexpr int kSamplesAtOnce = 16;
+constexpr size_t kMostPathBytes = size_t{4} << 30;
+
+struct Flags {
+  std::string scene, rig, pattern, environment, out, png, size;
+  int lamp = -1, samples = 256, bounces = kMostBounces;
+  double azimuth_deg = 0, tilt_deg = 0, rotate_deg = 0;
+  uint64_t seed = 1;
+};
+
+// Adds what the light gives by way of some paths, times `share`.
+using AddLight = std::function<void(const Paths& paths, uint64_t seed, float share, Image* sum)>;
+
+void Add(const Image& image, float share, Image* sum) {
+  for (size_t i = 0; i < image.pixels().size(); ++i) sum->pixels()[i] += share * image.pixels()[i];
+}
+
+absl::StatusOr<AddLight> LightOf(const Flags& flags, const Scene& scene,
+                                 const RigGeometry& geometry, const WorldOptions& options) {
+  if (flags.lamp >= 0) {
+    const int count = static_cast<int>(geometry.brace.lamps.size());
+    if (flags.lamp >= count) {
+      return Error(
+          absl::StatusCode::kInvalidArgument, "LAMP_UNKNOWN",
+          absl::StrFormat("lamp %d does not exist: this rig has %d lamps", flags.lamp, count));
+    }
+    return [&](const Paths& paths, uint64_t seed, float share, Image* sum) {
+      const DiscLight light = LampLight(geometry.brace, flags.lamp, Degrees(flags.azimuth_deg),
+                                        options.lamp_intensity_w_sr, seed);
+      Add(Illuminate(scene, paths, light), share, sum);
+    };
+  }
+  if (!flags.pattern.empty()) {
+    if (!geometry.projector.present) {
+      return Error(absl::StatusCode::kInvalidArgument, "PROJECTOR_MISSING",
+                   "the rig file has no projector");
+    }
+    ASSIGN_OR_RETURN(v1::Pattern message, client::ParsePattern(flags.pattern));
+    ASSIGN_OR_RETURN(Pattern pattern, rpc::FromMessage(message));
+    RETURN_IF_ERROR(Validate(pattern));
+    Image raster = Rasterize(pattern, geometry.projector.width, geometry.projector.height);
+    const Pose pose{Degrees(flags.azimuth_deg), Degrees(flags.tilt_deg)};
+    const PinholeLight light =
+        ProjectorLight(geometry.projector, pose, options.projector_intensity_w_sr);
+    return [&scene, light, raster = std::move(raster)](const Paths& paths, uint64_t, float share,
+                                                       Image* sum) {
+      Illuminate(scene, paths, light).Add(raster, share, sum);
+    };
+  }
+  ASSIGN_OR_RETURN(Image picture, ReadExr(flags.environment));
+  auto map = EnvironmentMap::FromImage(std::move(picture));
+  if (!map.ok()) return Annotate(map.status(), flags.environment);
+  auto light = std::make_shared<EnvironmentLight>(*map, Degrees(flags.rotate_deg));
+  return [&scene, light](const Paths& paths, uint64_t, float share, Image* sum) {
+    Add(Illuminate(scene, paths, *light), share, sum);
+  };
+}
+
+absl::Status ParseSize(const std::string& text, int* width, int* height) {
+  char rest;
+  if (std::sscanf(text.c_str(), "%dx%d%c", width, height, &rest) == 2 && *width >= 1 &&
+      *height >= 1 && *width <= 16384 && *height <= 16384) {
+    return absl::OkStatus();
+  }
+  return Error(absl::StatusCode::kInvalidArgument, "USAGE",
+               absl::StrCat("'", text, "' is no size: give e.g. 640x480, up to 16384"));
+}
+
+absl::Status Render(const Flags& flags, std::ostream& out, std::ostream& err, bool terminal) {
+  DriverRegistry drivers;
+  std::shared_ptr<Simulation> simulation = RegisterBuiltinDrivers(drivers);
+  ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadInput(flags.rig));
+  ASSIGN_OR_RETURN(std::unique_ptr<RigFile> rig, ParseRigFile(text, flags.rig, drivers));
+  const WorldOptions options = simulation->options();
+  int width = rig->camera_options.config.width, height = rig->camera_options.config.height;
+  if (!flags.size.empty()) RETURN_IF_ERROR(ParseSize(flags.size, &width, &height));
+
+  ASSIGN_OR_RETURN(SceneDescription description,
+                   MakeScene(flags.scene.empty() ? options.scene : flags.scene));
+  ASSIGN_OR_RETURN(Scene scene, Scene::Build(std::move(description)));
+  ASSIGN_OR_RETURN(AddLight add, LightOf(flags, scene, rig->geometry, options));
+
+  // A path has a few vertices more or less: this is the order of magnitude that is refused before it is tried.
+  const size_t at_once = static_cast<size_t>(std::min(flags.samples, kSamplesAtOnce));
+  const size_t bytes = size_t(width) * height * at_once * kVertexFloats * sizeof(float);
+  if (bytes > kMostPathBytes) {
+    return Error(absl::StatusCode::kResourceExhausted, "MEMORY",
+                 absl::StrFormat("a picture of %d×%d takes %.1f GB for its paths, at most %.1f GB "
+                                 "are used: make it smaller",
+                                 width, height, bytes / 1e9, kMostPathBytes / 1e9));
+  }
+
+  Image sum(width, height, 3);
+  const auto start = std::chrono::steady_clock::now();
+  auto told = start;
+  for (int done = 0; done < flags.samples;) {
+    const int samples = std::min(kSamplesAtOnce, flags.samples - done);
+    const uint64_t seed = Fold(flags.seed, static_cast<uint64_t>(done));
+    const Paths paths(scene, rig->geometry.camera, width, height,
+                      {.samples = samples, .bounces = flags.bounces, .seed = seed});
+    add(paths, seed, static_cast<float>(samples) / static_cast<float>(flags.samples), &sum);
+    done += samples;
+    const auto now = std::chrono::steady_clock::now();
+    const std::chrono::duration<double> taken = now - start;
+    if (now - told < (terminal ? std::chrono::milliseconds(100) : std::chrono::milliseconds(5000)))
+      continue;
+    told = now;
+    err << (terminal ? "\r" : "")
+        << absl::StrFormat("%3.0f%%  %d/%d samples, %.0f s left", 100.0 * done / flags.samples,
+                           done, flags.samples, taken.count() * (flags.samples - done) / done)
+        << (terminal ? "\x1b[K" : "\n") << std::flush;
+  }
+  if (terminal) err << "\r\x1b[K" << std::flush;
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+
+  RETURN_IF_ERROR(WriteExr(flags.out, sum, ExrPixelType::kFloat));
+  if (!flags.png.empty())
+    RETURN_IF_ERROR(relight::WritePng(flags.png, sum, relight::AutoExposure(sum)));
+  out << absl::StrFormat("%s: %d×%d, %d samples, %.1f s\n", flags.out, width, height, flags.samples,
+                         taken.count());
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::ostream& err,
+           bool err_is_terminal) {
+  CLI::App app("Renders the simulated world: ground truth for captured and relit pictures",
+               "lightstage-render");
+  Flags flags;
+  app.footer(kFooter);
+  app.set_version_flag("--version", std::string("lightstage-render ") + kVersion);
+  app.add_option("SCENE", flags.scene, "Which scene")->check(CLI::IsMember(SceneNames()));
+  app.add_option("--rig", flags.rig, "Rig file (TOML): geometry, camera, lights")->required();
+  auto* light = app.add_option_group("light", "What shines; one of them");
+  light->add_option("--lamp", flags.lamp, "This lamp at level 1")->check(CLI::NonNegativeNumber);
+  light->add_option("--pattern", flags.pattern,
+                    "The projector, e.g. full or square,grid=16,column=3,row=8");
+  light->add_option("--environment", flags.environment, "An environment map (OpenEXR)");
+  light->require_option(1);
+  app.add_option("--azimuth", flags.azimuth_deg, "Turntable, degrees")
+      ->check(CLI::Range(-360.0, 360.0));
+  app.add_option("--tilt", flags.tilt_deg, "Projector's gantry, degrees")
+      ->check(CLI::Range(0.0, 90.0));
+  app.add_option("--rotate", flags.rotate_deg, "Turn the map about the vertical, degrees")
+      ->check(CLI::Range(-360.0, 360.0));
+  app.add_option("--spp", flags.samples, "Paths per pixel")
+      ->check(CLI::Range(1, 1 << 20))
+      ->capture_default_str();
+  app.add_option("--bounces", flags.bounces, "Between surfaces; 0: direct light only")
+      ->check(CLI::Range(0, kMostBounces))
+      ->capture_default_str();
+  app.add_option("--seed", flags.seed, "Of the noise")->capture_default_str();
+  app.add_option("--size", flags.size, "WIDTHxHEIGHT; default: the rig file's camera");
+  app.add_option("--out", flags.out, "The picture (OpenEXR, linear float)")->required();
+  app.add_option("--png", flags.png, "The same for looking at, exposed automatically");
+  try {
+    app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e, out, err) == 0 ? 0 : 2;
+  }
+  absl::Status rendered = Render(flags, out, err, err_is_terminal);
+  if (rendered.ok()) return 0;
+  err << "lightstage-render: " << MessageOf(rendered) << "\n";
+  return ErrorReason(rendered) == "USAGE" ? 2 : 1;
+}
+
+}  // namespace lightstage::sim
