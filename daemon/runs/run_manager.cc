@@ -388,14 +388,11 @@ absl::StatusOr<RunView> RunManager::Get(const std::string& id) {
     }
     return view;
   }
+  uint64_t forgotten;
   {
     MutexLock lock(&mutex_);
     auto it = past_.find(id);
     if (it != past_.end()) return it->second;
-  }
-  uint64_t forgotten;
-  {
-    MutexLock lock(&mutex_);
     forgotten = forgotten_;
   }
   ASSIGN_OR_RETURN(std::shared_ptr<RunFolder> folder, OpenFolder(id));

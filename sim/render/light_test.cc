@@ -7,24 +7,13 @@
 #include "sim/render/environment_light.h"
 #include "sim/render/illuminate.h"
 #include "sim/render/shapes.h"
+#include "sim/render/test_scene.h"
 
 namespace lightstage::sim {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kIntensity = 10;
-
-Scene BuildScene(std::vector<Mesh> meshes, std::vector<Material> materials) {
-  auto scene = Scene::Build({std::move(materials), std::move(meshes)});
-  EXPECT_TRUE(scene.ok()) << scene.status();
-  return *std::move(scene);
-}
-
-double Mean(const Image& image) {
-  double sum = 0;
-  for (float v : image.pixels()) sum += v;
-  return sum / static_cast<double>(image.pixels().size());
-}
 
 // One lamp in the zenith, 1 m above the origin, shining down; a camera that sees one spot.
 RigGeometry OneLamp(const Vec3& camera, const Vec3& at, double lamp_radius_m = 0.02) {

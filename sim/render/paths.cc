@@ -1,8 +1,6 @@
 #include "sim/render/paths.h"
 
 #include <algorithm>
-#include <atomic>
-#include <cassert>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -29,7 +27,7 @@ constexpr int kRouletteFrom = 3;
 float Fraction(float x) { return x - std::floor(x); }
 
 struct Point2 {
-  float x, y;  // [0,1)
+  float x, y;
 };
 
 // The points of one pixel in one pair of dimensions: the R2 sequence (Roberts 2018), shifted and in an order of its own, so that no two
@@ -65,25 +63,30 @@ struct Frame3 {
   Vec3f n, t, b;
 };
 
-Vec3f CosineDirection(Point2 u) {
+// A point of the unit disc, evenly, for one of the unit square.
+Point2 InDisc(Point2 u) {
   const float r = std::sqrt(u.x), angle = 2 * std::numbers::pi_v<float> * u.y;
-  return {r * std::cos(angle), r * std::sin(angle), std::sqrt(std::max(0.0f, 1 - u.x))};
+  return {r * std::cos(angle), r * std::sin(angle)};
+}
+
+Vec3f CosineDirection(Point2 u) {
+  const Point2 disc = InDisc(u);
+  return {disc.x, disc.y, std::sqrt(std::max(0.0f, 1 - u.x))};
 }
 
 // A microfacet normal that the viewer sees (Heitz, "Sampling the GGX Distribution of Visible Normals", 2018): a point of the disc that
 // the stretched hemisphere projects to along the view.
 Vec3f VisibleNormal(const Vec3f& view, float alpha, Point2 u) {
   const Vec3f stretched = Vec3f(alpha * view.x(), alpha * view.y(), view.z()).normalized();
-  const Frame3 frame(stretched);
-  const float r = std::sqrt(u.x), angle = 2 * std::numbers::pi_v<float> * u.y;
+  const Point2 disc = InDisc(u);
   // Along `across`, which is level, the disc is whole; along the other axis its lower half is hidden by the horizon.
   Vec3f across(-stretched.y(), stretched.x(), 0);
   const float length = across.norm();
   across = length > 1e-6f ? Vec3f(across / length) : Vec3f(1, 0, 0);
   const Vec3f along = stretched.cross(across);
-  const float p = r * std::cos(angle);
+  const float p = disc.x;
   const float s = 0.5f * (1 + stretched.z());
-  const float q = (1 - s) * std::sqrt(std::max(0.0f, 1 - p * p)) + s * r * std::sin(angle);
+  const float q = (1 - s) * std::sqrt(std::max(0.0f, 1 - p * p)) + s * disc.y;
   const Vec3f normal =
       p * across + q * along + std::sqrt(std::max(0.0f, 1 - p * p - q * q)) * stretched;
   return Vec3f(alpha * normal.x(), alpha * normal.y(), std::max(0.0f, normal.z())).normalized();
@@ -148,7 +151,6 @@ class RowTracer {
 
   const std::vector<Vertex>& vertices() const { return vertices_; }
   const std::vector<uint32_t>& pixels() const { return pixels_; }
-  uint64_t rays() const { return rays_; }
 
  private:
   PixelPoints PointsOf(uint32_t x) const {
@@ -175,7 +177,6 @@ class RowTracer {
 
   void Intersect() {
     hits_.resize((paths_.size() + kLanes - 1) / kLanes);
-    rays_ += paths_.size();
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     context.flags = paths_.front().depth == 0 ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT
@@ -274,10 +275,9 @@ class RowTracer {
       v.share = base > 0 ? std::clamp(layer / (layer + base), 0.1f, 1.0f) : 1;
       v.mis = v.roughness < kGlossy ? 1.0f : 0.0f;
     }
-    const Point2 disc = points.At(Dimension(depth, kDisc), path.sample);
-    const float radius = std::sqrt(disc.x), angle = 2 * std::numbers::pi_v<float> * disc.y;
-    v.disc_x = radius * std::cos(angle);
-    v.disc_y = radius * std::sin(angle);
+    const Point2 disc = InDisc(points.At(Dimension(depth, kDisc), path.sample));
+    v.disc_x = disc.x;
+    v.disc_y = disc.y;
 
     const bool on = depth < options_.bounces;
     if (!on && v.mis == 0) {
@@ -304,8 +304,7 @@ class RowTracer {
       v.behind = v.throughput * Rgb(f.r, f.g, f.b) / f.pdf;
       v.pdf = v.mis * f.pdf;
     }
-    const uint32_t vertex = Keep(v, path.x);
-    GoOn(path, vertex, v.position, points);
+    GoOn(path, Keep(v, path.x), points);
   }
 
   void Mirror(const Path& path, const Scene::Hit& hit) {
@@ -315,7 +314,7 @@ class RowTracer {
     const uint32_t vertex = Keep(Origin(hit.point + kLift * hit.face, direction.normalized(),
                                         path.throughput * hit.material->specular),
                                  path.x);
-    GoOn(path, vertex, vertices_[vertex].position, PointsOf(path.x));
+    GoOn(path, vertex, PointsOf(path.x));
   }
 
   void Glass(const Path& path, const Scene::Hit& hit) {
@@ -337,13 +336,12 @@ class RowTracer {
       position -= kLift * hit.face;
       throughput *= ratio * ratio;  // radiance is narrowed on its way into the denser side
     }
-    const uint32_t vertex = Keep(Origin(position, direction.normalized(), throughput), path.x);
-    GoOn(path, vertex, position, points);
+    GoOn(path, Keep(Origin(position, direction.normalized(), throughput), path.x), points);
   }
 
   // Sends the path along the next ray of `vertex`, if it is to have one.
-  void GoOn(const Path& path, uint32_t vertex, const Vec3f& position, const PixelPoints& points) {
-    Vertex& v = vertices_[vertex];
+  void GoOn(const Path& path, uint32_t vertex, const PixelPoints& points) {
+    const Vertex& v = vertices_[vertex];
     Rgb throughput = v.behind;
     if (!(throughput > 0).any()) return;
     bool last = path.depth >= options_.bounces;
@@ -354,7 +352,7 @@ class RowTracer {
     }
     if (last && v.pdf == 0) return;
     going_.push_back(
-        {position, v.next, throughput, path.x, path.sample, path.depth + 1, last, vertex});
+        {v.position, v.next, throughput, path.x, path.sample, path.depth + 1, last, vertex});
   }
 
   const Scene& scene_;
@@ -366,7 +364,6 @@ class RowTracer {
   std::vector<RTCRayHit8> hits_;
   std::vector<Vertex> vertices_;
   std::vector<uint32_t> pixels_;
-  uint64_t rays_ = 0;
 };
 
 }  // namespace
@@ -376,14 +373,11 @@ void Paths::Row::Free::operator()(float* p) const { ::operator delete[](p, kAlig
 Paths::Paths(const Scene& scene, const CameraGeometry& camera, int width, int height,
              const PathOptions& options)
     : width_(width), height_(height), samples_(options.samples), rows_(height) {
-  std::atomic<uint64_t> rays{0};
   ForRows(height, [&](int y) {
     RowTracer tracer(scene, camera, width, height, y, options);
     tracer.Trace();
-    rays += tracer.rays();
     rows_[y].Fill(width, tracer.pixels(), reinterpret_cast<const float*>(tracer.vertices().data()));
   });
-  rays_ = rays;
 }
 
 void Paths::Row::Fill(int width, const std::vector<uint32_t>& pixels, const float* vertices) {
@@ -406,14 +400,6 @@ void Paths::Row::Fill(int width, const std::vector<uint32_t>& pixels, const floa
   for (int k = 0; k < kVertexFloats; ++k) pointers[k] = &data[k * count];
   static_assert(sizeof(pointers) == sizeof(arrays));
   std::memcpy(&arrays, pointers, sizeof(arrays));
-}
-
-size_t Paths::bytes() const {
-  size_t bytes = 0;
-  for (const Row& row : rows_) {
-    bytes += row.count * kVertexFloats * sizeof(float) + row.first.size() * sizeof(uint32_t);
-  }
-  return bytes;
 }
 
 }  // namespace lightstage::sim

@@ -59,14 +59,10 @@ class Paths {
     std::unique_ptr<float[], Free> data;
   };
   const Row& row(int y) const { return rows_[y]; }
-  size_t bytes() const;
-  // Rays that tracing the paths took.
-  uint64_t rays() const { return rays_; }
 
  private:
   const int width_, height_, samples_;
   std::vector<Row> rows_;
-  uint64_t rays_ = 0;
 };
 
 }  // namespace lightstage::sim

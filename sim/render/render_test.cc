@@ -10,6 +10,7 @@
 #include "sim/render/parallel.h"
 #include "sim/render/scenes.h"
 #include "sim/render/shapes.h"
+#include "sim/render/test_scene.h"
 #include "sim/render/transport.h"
 
 namespace lightstage::sim {
@@ -29,12 +30,6 @@ RigGeometry Rig(double lamp_radius_m = 0.02) {
   return rig;
 }
 
-Scene BuildScene(std::vector<Mesh> meshes, std::vector<Material> materials) {
-  auto scene = Scene::Build({std::move(materials), std::move(meshes)});
-  EXPECT_TRUE(scene.ok()) << scene.status();
-  return *std::move(scene);
-}
-
 Scene GreyFloor(double albedo = 0.5) {
   return BuildScene({Floor(5, 0)}, {{.diffuse = Rgb::Constant(static_cast<float>(albedo))}});
 }
@@ -45,12 +40,6 @@ Scene DefaultScene() {
   auto scene = Scene::Build(*std::move(description));
   EXPECT_TRUE(scene.ok()) << scene.status();
   return *std::move(scene);
-}
-
-double Mean(const Image& image) {
-  double sum = 0;
-  for (float v : image.pixels()) sum += v;
-  return sum / static_cast<double>(image.pixels().size());
 }
 
 bool SameBytes(const Image& a, const Image& b) {
