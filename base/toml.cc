@@ -378,6 +378,8 @@ void TomlTable::ErrorAt(std::string_view key, std::string_view message) const {
   impl_->Record(AsTable(node_), path_, key, message);
 }
 
+const std::string& TomlTable::file() const { return impl_->filename; }
+
 std::string TomlTable::Where(std::string_view key) const {
   return impl_->Where(impl_->PositionOf(AsTable(node_), key));
 }

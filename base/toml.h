@@ -53,6 +53,8 @@ class TomlTable {
   // "file:line:column" of the key or, if it is missing or empty, of the table.
   std::string Where(std::string_view key = {}) const;
   const std::string& path() const { return path_; }
+  // The document's file, as it was given to Parse.
+  const std::string& file() const;
 
  private:
   friend class TomlDocument;

@@ -6,8 +6,9 @@ set(LIGHTSTAGE_FLOORS
   dataset=2
   drivers/api=3
   drivers/conformance=4 sim/render=4 relight=4
-  drivers/aravis=5 sim/rig=5 relight/cli=5
-  sim/peers=6
+  drivers/aravis=5 sim/scenes=5 relight/cli=5
+  sim/rig=6
+  sim/peers=7
   daemon/config=7
   daemon/rig=8
   daemon/capture=9

@@ -75,7 +75,7 @@ Image Illuminate(const Scene& scene, const Paths& paths, const EnvironmentLight&
     float* a[10];
     for (int k = 0; k < 10; ++k) a[k] = buffer.data() + k * row.count;
     for (size_t i = 0; i < row.count; ++i) {
-      if (v.nx[i] == 0 && v.ny[i] == 0 && v.nz[i] == 0) continue;
+      if (v.nx[i] == 0 && v.ny[i] == 0 && v.nz[i] == 0 && v.medium[i] == 0) continue;
       // The vertex' point of the disc (paths.h), as the point of the square that it comes from.
       const double turn = std::atan2(v.disc_y[i], v.disc_x[i]) / (2 * std::numbers::pi);
       const double square = double{v.disc_x[i]} * v.disc_x[i] + double{v.disc_y[i]} * v.disc_y[i];
@@ -89,7 +89,7 @@ Image Illuminate(const Scene& scene, const Paths& paths, const EnvironmentLight&
       a[6][i] = static_cast<float>(s.pdf);
     }
     const FarLight far{a[0], a[1], a[2], a[3], a[4], a[5], a[6]};
-    BestKernels().far(scene.handle(), v, far, row.count, a[7], a[8], a[9]);
+    BestKernels().far({scene.handle(), nullptr}, v, far, row.count, a[7], a[8], a[9]);
     std::span<float> out = image.row(y);
     for (int x = 0; x < paths.width(); ++x) {
       Radiance sum = Radiance::Zero();

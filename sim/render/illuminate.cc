@@ -1,6 +1,7 @@
 #include "sim/render/illuminate.h"
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <span>
 
@@ -14,34 +15,92 @@ void Copy(const Vec3& from, float* to) {
   for (int c = 0; c < 3; ++c) to[c] = static_cast<float>(from[c]);
 }
 
+// Two axes of length `radius` across `a` and `b` (unit, square to each other), turned.
+void CopyTurned(const Vec3& a, const Vec3& b, double turn, double radius, float* u, float* v) {
+  Copy(radius * (std::cos(turn) * a + std::sin(turn) * b), u);
+  Copy(radius * (std::cos(turn) * b - std::sin(turn) * a), v);
+}
+
+double Turn(uint64_t hash) { return 2 * std::numbers::pi * UnitFloat(hash); }
+
+// What the vertices of pixel x add up to is to be multiplied by shares[x]: one over the samples, less what the rig's parts hide of
+// the pixel.
+std::vector<float> Shares(const Paths& paths, int y, RTCScene parts) {
+  const float share = 1.0f / static_cast<float>(paths.samples());
+  std::vector<float> shares(paths.width(), share);
+  if (parts == nullptr) return shares;
+  constexpr int kAcross = 4;  // 16 rays per pixel
+  const ViewFrame frame = CameraFrame(paths.camera());
+  const double tan_x = std::tan(paths.camera().field_of_view.radians() / 2);
+  const double tan_y = tan_x * paths.height() / paths.width();
+  for (int x = 0; x < paths.width(); ++x) {
+    int hidden = 0;
+    for (int i = 0; i < kAcross * kAcross; ++i) {
+      const double px = x + (i % kAcross + 0.5) / kAcross, py = y + (i / kAcross + 0.5) / kAcross;
+      const Vec3 direction = frame.forward + (px / paths.width() * 2 - 1) * tan_x * frame.right +
+                             (py / paths.height() * 2 - 1) * tan_y * frame.down;
+      RTCIntersectContext context;
+      rtcInitIntersectContext(&context);
+      RTCRay ray = {};
+      ray.org_x = static_cast<float>(frame.position.x());
+      ray.org_y = static_cast<float>(frame.position.y());
+      ray.org_z = static_cast<float>(frame.position.z());
+      ray.dir_x = static_cast<float>(direction.x());
+      ray.dir_y = static_cast<float>(direction.y());
+      ray.dir_z = static_cast<float>(direction.z());
+      // As far as the middle of the turntable: parts behind the object do not hide it.
+      ray.tfar = static_cast<float>(frame.position.norm());
+      ray.mask = ~0u;
+      rtcOccluded1(parts, &context, &ray);
+      hidden += ray.tfar < 0;
+    }
+    shares[x] *= 1 - static_cast<float>(hidden) / (kAcross * kAcross);
+  }
+  return shares;
+}
+
+// What a kernel writes per vertex of a row; reused from row to row.
+struct Contributions {
+  explicit Contributions(size_t count) {
+    thread_local std::vector<float> buffer;
+    buffer.resize(3 * count);
+    r = buffer.data();
+    g = r + count;
+    b = g + count;
+  }
+  float *r, *g, *b;
+};
+
 }  // namespace
 
 DiscLight LampLight(const BraceGeometry& brace, int lamp, Angle azimuth, double intensity_w_sr,
                     uint64_t seed) {
   const Vec3 direction = LampDirection(brace.lamps[lamp], azimuth);
-  // Every lamp and pose turns the samples' points on the disc its own way: their noise is independent.
-  const uint64_t hash = Fold(Fold(seed, static_cast<uint64_t>(lamp)), azimuth.degrees());
-  const double turn = 2 * std::numbers::pi * UnitFloat(hash);
   const Vec3 across = direction.unitOrthogonal(), up = direction.cross(across);
   const double radius = brace.lamp_radius.meters();
   DiscLight light;
   Copy(brace.radius.meters() * direction, light.center);
-  Copy(radius * (std::cos(turn) * across + std::sin(turn) * up), light.u);
-  Copy(radius * (std::cos(turn) * up - std::sin(turn) * across), light.v);
+  // Every lamp and pose turns the samples' points on the disc its own way: their noise is independent.
+  const uint64_t hash = Fold(Fold(seed, static_cast<uint64_t>(lamp)), azimuth.degrees());
+  CopyTurned(across, up, Turn(hash), radius, light.u, light.v);
   Copy(-direction, light.axis);
   light.radius = static_cast<float>(radius);
   light.intensity = static_cast<float>(intensity_w_sr);
   return light;
 }
 
-PinholeLight ProjectorLight(const ProjectorGeometry& projector, const Pose& pose,
-                            double intensity_w_sr) {
+LensLight ProjectorLight(const ProjectorGeometry& projector, const LensOptions& lens, const Pose& pose,
+                         double intensity_w_sr, uint64_t seed) {
   const ViewFrame frame = ProjectorFrame(projector, pose);
-  PinholeLight light;
+  LensLight light;
   Copy(frame.position, light.position);
   Copy(frame.right, light.right);
   Copy(frame.down, light.down);
   Copy(frame.forward, light.forward);
+  const uint64_t hash = Fold(Fold(seed, pose.azimuth.degrees()), pose.tilt.degrees());
+  CopyTurned(frame.right, frame.down, Turn(hash), lens.radius.meters(), light.u, light.v);
+  light.radius = static_cast<float>(lens.radius.meters());
+  light.focus = static_cast<float>(lens.focus.meters());
   light.tan_x = static_cast<float>(std::tan(projector.field_of_view.radians() / 2));
   light.tan_y =
       light.tan_x * static_cast<float>(projector.height) / static_cast<float>(projector.width);
@@ -51,32 +110,30 @@ PinholeLight ProjectorLight(const ProjectorGeometry& projector, const Pose& pose
   return light;
 }
 
-Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light) {
+Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light, RTCScene parts) {
   Image image(paths.width(), paths.height(), 3);
-  const float share = 1.0f / static_cast<float>(paths.samples());
   ForRows(paths.height(), [&](int y) {
     const Paths::Row& vertices = paths.row(y);
-    thread_local std::vector<float> buffer;
-    buffer.resize(3 * vertices.count);
-    float *r = buffer.data(), *g = r + vertices.count, *b = g + vertices.count;
-    BestKernels().disc(scene.handle(), vertices.arrays, light, vertices.count, r, g, b);
+    const Contributions add(vertices.count);
+    BestKernels().disc({scene.handle(), parts}, vertices.arrays, light, vertices.count, add.r, add.g, add.b);
+    const std::vector<float> shares = Shares(paths, y, parts);
     std::span<float> row = image.row(y);
     for (int x = 0; x < paths.width(); ++x) {
       float sum[3] = {0, 0, 0};
       for (uint32_t i = vertices.first[x]; i < vertices.first[x + 1]; ++i) {
-        sum[0] += r[i];
-        sum[1] += g[i];
-        sum[2] += b[i];
+        sum[0] += add.r[i];
+        sum[1] += add.g[i];
+        sum[2] += add.b[i];
       }
-      for (int c = 0; c < 3; ++c) row[3 * x + c] = share * sum[c];
+      for (int c = 0; c < 3; ++c) row[3 * x + c] = shares[x] * sum[c];
     }
   });
   return image;
 }
 
-ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const PinholeLight& light) {
+ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const LensLight& light,
+                              RTCScene parts) {
   const int width = paths.width(), height = paths.height();
-  const float share = 1.0f / static_cast<float>(paths.samples());
   struct Row {
     std::vector<uint32_t> counts, source;
     std::vector<float> rgb;
@@ -84,21 +141,25 @@ ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const Pinh
   std::vector<Row> rows(height);
   ForRows(height, [&](int y) {
     const Paths::Row& vertices = paths.row(y);
-    thread_local std::vector<float> buffer;
+    // Light comes to a vertex by connection and, from a lens, along its next ray.
+    const size_t ways = light.radius > 0 ? 2 : 1;
+    const Contributions add(ways * vertices.count);
     thread_local std::vector<uint32_t> pixels;
-    buffer.resize(3 * vertices.count);
-    pixels.resize(vertices.count);
-    float *r = buffer.data(), *g = r + vertices.count, *b = g + vertices.count;
-    BestKernels().pinhole(scene.handle(), vertices.arrays, light, vertices.count, pixels.data(), r,
-                          g, b);
+    pixels.resize(ways * vertices.count);
+    BestKernels().lens({scene.handle(), parts}, vertices.arrays, light, vertices.count, pixels.data(), add.r,
+                       add.g, add.b);
+    const std::vector<float> shares = Shares(paths, y, parts);
     Row& row = rows[y];
     row.counts.resize(width);
     for (int x = 0; x < width; ++x) {
-      for (uint32_t i = vertices.first[x]; i < vertices.first[x + 1]; ++i) {
-        if (pixels[i] == kUnlit) continue;
-        ++row.counts[x];
-        row.source.push_back(pixels[i]);
-        row.rgb.insert(row.rgb.end(), {share * r[i], share * g[i], share * b[i]});
+      for (size_t way = 0; way < ways; ++way) {
+        for (uint32_t k = vertices.first[x]; k < vertices.first[x + 1]; ++k) {
+          const size_t i = way * vertices.count + k;
+          if (pixels[i] == kUnlit) continue;
+          ++row.counts[x];
+          row.source.push_back(pixels[i]);
+          row.rgb.insert(row.rgb.end(), {shares[x] * add.r[i], shares[x] * add.g[i], shares[x] * add.b[i]});
+        }
       }
     }
   });
@@ -123,9 +184,11 @@ ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const Pinh
   return out;
 }
 
-void ProjectorTransport::Add(const Image& raster, float scale, Image* sum) const {
+void ProjectorTransport::Add(const Image& raster, std::span<const float> scales, Image* sum) const {
   const std::span<const float> values = raster.pixels();
   ForRows(sum->height(), [&](int y) {
+    const float scale = scales[y];
+    if (scale == 0) return;
     std::span<float> row = sum->row(y);
     for (int x = 0; x < width_; ++x) {
       const size_t pixel = static_cast<size_t>(y) * width_ + x;

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "base/units.h"
@@ -21,30 +22,41 @@ namespace lightstage::sim {
 DiscLight LampLight(const BraceGeometry& brace, int lamp, Angle azimuth, double intensity_w_sr,
                     uint64_t seed);
 
-// A projector without a lens' blur: every pixel shines from one point.
-PinholeLight ProjectorLight(const ProjectorGeometry& projector, const Pose& pose,
-                            double intensity_w_sr);
+// The projector's lens. A radius of 0 is a pinhole, in focus everywhere.
+struct LensOptions {
+  Length radius;
+  Length focus = Meters(1);  // from the lens to the plane in focus, along the axis; > 0
+};
 
-// The camera's picture, 3 channels.
-Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light);
+// The projector of the rig at level 1, in the object frame. Pose and seed choose how the vertices' points on the lens are turned.
+LensLight ProjectorLight(const ProjectorGeometry& projector, const LensOptions& lens, const Pose& pose,
+                         double intensity_w_sr, uint64_t seed);
+
+// The camera's picture, 3 channels. `parts` of the rig that may stand in the light or before the camera (rig_parts.h), black; null for
+// none.
+Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light, RTCScene parts = nullptr);
 
 // The vertices that the projector reaches at one pose: which projector pixel lights each, and what it adds.
 class ProjectorTransport {
  public:
-  // sum += scale · radiance of `raster`, the pattern on the projector's native pixels (optics/pattern.h Rasterize). `sum`: the
-  // picture's size, 3 channels.
-  void Add(const Image& raster, float scale, Image* sum) const;
+  // sum += scale of the row · radiance of `raster`, what the projector's native pixels show (optics/pattern.h Rasterize). `scales`: one
+  // per row of the picture. `sum`: the picture's size, 3 channels.
+  void Add(const Image& raster, std::span<const float> scales, Image* sum) const;
+  void Add(const Image& raster, float scale, Image* sum) const {
+    Add(raster, std::vector<float>(sum->height(), scale), sum);
+  }
   size_t bytes() const;
 
  private:
-  friend ProjectorTransport Illuminate(const Scene& scene, const Paths& paths,
-                                       const PinholeLight& light);
+  friend ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const LensLight& light,
+                                       RTCScene parts);
   int width_ = 0;
   std::vector<uint32_t> first_;   // per camera pixel, and the end: its vertices
   std::vector<uint32_t> source_;  // per vertex: the projector's pixel
   std::vector<float> rgb_;  // per vertex: its share of the camera pixel's radiance, projector white
 };
 
-ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const PinholeLight& light);
+ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const LensLight& light,
+                              RTCScene parts = nullptr);
 
 }  // namespace lightstage::sim

@@ -11,16 +11,30 @@ namespace lightstage::sim {
 
 inline constexpr int kLanes = 8;
 
+// What Scene's media need of every question for occlusion: the lane's number in ray.id, a zero here before, and then transmittance is
+// exp(−optical_depth).
+struct ShadowContext {
+  RTCIntersectContext embree;  // the first member: Embree hands it to the media
+  float optical_depth[kLanes];
+};
+
+// What light may be stopped by.
+struct Blockers {
+  RTCScene scene;  // Scene::handle()
+  RTCScene parts;  // of the rig, where they are at this pose (rig_parts.h); null if there are none
+};
+
 // Vertices of camera paths (paths.h), arrays of a multiple of kLanes floats, 32-byte aligned.
 struct VertexArrays {
   const float *x, *y, *z;  // just above the surface, where rays start
-  const float *nx, *ny,
-      *nz;  // unit shading normal on the viewer's side; 0 if no light can be connected
+  // Unit shading normal on the viewer's side; 0 in a medium, and where no light can be connected.
+  const float *nx, *ny, *nz;
+  const float* medium;  // 1 for a point inside a scattering medium, else 0
   const float *vx, *vy, *vz;     // unit, towards the viewer: where the path comes from
   const float *tr, *tg, *tb;     // throughput from the viewer to here
-  const float *dr, *dg, *db;     // diffuse albedo
+  const float *dr, *dg, *db;     // diffuse albedo; of a medium: of one scattering
   const float *sr, *sg, *sb;     // specular reflectance at normal incidence
-  const float* roughness;        // GGX α
+  const float* roughness;        // GGX α; of a medium: mean cosine of the scattering angle
   const float* share;            // probability with which the glossy layer is sampled
   const float* mis;              // 1 if a light that the next ray meets counts too, else 0
   const float *disc_x, *disc_y;  // the vertex' own point of the unit disc
@@ -30,7 +44,7 @@ struct VertexArrays {
   const float* pdf;
   const float* reach;
 };
-inline constexpr int kVertexFloats = 31;
+inline constexpr int kVertexFloats = 32;
 
 // A Lambertian disc: radiant intensity · cosine of the angle from its axis, on the side where the axis points.
 struct DiscLight {
@@ -41,10 +55,14 @@ struct DiscLight {
   float intensity;   // W/sr along the axis
 };
 
-// A pinhole projector that lights a wall square to its axis evenly: intensity / cos³ of the angle from the axis.
-struct PinholeLight {
-  float position[3];
+// A projector that lights a wall square to its axis, in its focus plane, evenly: a thin lens of radiance intensity / (area · cos⁴) for a
+// pixel whose middle ray leaves at an angle of that cosine from the axis.
+struct LensLight {
+  float position[3];  // the lens' middle
   float right[3], down[3], forward[3];
+  float u[3], v[3];  // its radius along two axes across; 0: a pinhole
+  float radius;      // ≥ 0
+  float focus;       // distance of the plane in focus, along the axis; > 0
   float tan_x, tan_y;  // of the half angles
   int32_t width, height;
   float intensity;  // W/sr along the axis
@@ -64,14 +82,15 @@ struct Kernels {
   const char* name;
   // What the light adds, by way of each of `count` vertices (a multiple of kLanes), to the radiance that the viewer sees,
   // W/(m²·sr).
-  void (*disc)(RTCScene scene, const VertexArrays& vertices, const DiscLight& light, size_t count,
+  void (*disc)(const Blockers& blockers, const VertexArrays& vertices, const DiscLight& light, size_t count,
                float* r, float* g, float* b);
   // Likewise with the projector all white, and the projector's pixel (row · width + column) that lights each vertex; kUnlit where
-  // none does.
-  void (*pinhole)(RTCScene scene, const VertexArrays& vertices, const PinholeLight& light,
-                  size_t count, uint32_t* pixel, float* r, float* g, float* b);
+  // none does. Vertex i has two places: i for light by connection, and, only if the radius is not 0, count + i for what its next ray
+  // meets.
+  void (*lens)(const Blockers& blockers, const VertexArrays& vertices, const LensLight& light,
+               size_t count, uint32_t* pixel, float* r, float* g, float* b);
   // By connection only: what the next rays meet is for the caller to add, with the balance heuristic.
-  void (*far)(RTCScene scene, const VertexArrays& vertices, const FarLight& light, size_t count,
+  void (*far)(const Blockers& blockers, const VertexArrays& vertices, const FarLight& light, size_t count,
               float* r, float* g, float* b);
 };
 

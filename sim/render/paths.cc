@@ -6,6 +6,7 @@
 #include <limits>
 #include <new>
 #include <numbers>
+#include <optional>
 
 #include "sim/render/hash.h"
 #include "sim/render/parallel.h"
@@ -23,6 +24,8 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kGlossy = 0.25f;
 // From here on paths end by Russian roulette.
 constexpr int kRouletteFrom = 3;
+// No path passes through more boundaries of media between two vertices.
+constexpr uint32_t kMostCrossings = 1000;
 
 float Fraction(float x) { return x - std::floor(x); }
 
@@ -50,7 +53,7 @@ class PixelPoints {
 
 // The dimensions of a path: the pixel's, then these for every vertex.
 constexpr uint32_t kPixelDimension = 0;
-enum VertexDimension : uint32_t { kDirection = 1, kDisc, kChoice, kRoulette, kVertexDimensions };
+enum VertexDimension : uint32_t { kDirection = 1, kDisc, kChoice, kRoulette, kDistance, kVertexDimensions };
 uint32_t Dimension(int depth, VertexDimension d) {
   return static_cast<uint32_t>(depth) * kVertexDimensions + d;
 }
@@ -104,9 +107,18 @@ float Fresnel(float cosine, float n1, float n2, float* refracted_cosine) {
   return 0.5f * (s * s + p * p);
 }
 
+// The cosine of a scattering angle (Henyey and Greenstein 1941).
+float ScatteringCosine(float g, float u) {
+  if (std::abs(g) < 1e-3f) return 1 - 2 * u;
+  const float root = (1 - g * g) / (1 - g + 2 * g * u);
+  return std::clamp((1 + g * g - root * root) / (2 * g), -1.0f, 1.0f);
+}
+
 // What a vertex keeps, in the order of VertexArrays.
 struct Vertex {
-  Vec3f position = Vec3f::Zero(), normal = Vec3f::Zero(), view = Vec3f::Zero();
+  Vec3f position = Vec3f::Zero(), normal = Vec3f::Zero();
+  float medium = 0;
+  Vec3f view = Vec3f::Zero();
   Rgb throughput = Rgb::Zero(), diffuse = Rgb::Zero(), specular = Rgb::Zero();
   float roughness = 0, share = 0, mis = 0;
   float disc_x = 0, disc_y = 0;
@@ -124,6 +136,9 @@ struct Path {
   int depth;        // of the vertex that the ray goes to
   bool last;        // only to learn how far the ray goes
   uint32_t vertex;  // that the ray comes from; kNone: the camera, and nothing is kept of it
+  const Material* medium = nullptr;  // that it goes through
+  float travelled = 0;               // from the vertex to the ray's origin: boundaries of media were passed
+  uint32_t crossings = 0;            // how many
 };
 constexpr uint32_t kNone = 0xffffffffu;
 
@@ -201,6 +216,7 @@ class RowTracer {
         ray.ray.id[k] = 0;
         ray.ray.flags[k] = 0;
         ray.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;
+        ray.hit.instID[0][k] = RTC_INVALID_GEOMETRY_ID;
       }
       rtcIntersect8(valid, scene_.handle(), &context, &ray);
     }
@@ -210,31 +226,87 @@ class RowTracer {
   void Arrive(const Path& path, size_t i) {
     const RTCRayHit8& ray = hits_[i / kLanes];
     const size_t k = i % kLanes;
-    const bool met = ray.hit.geomID[k] != RTC_INVALID_GEOMETRY_ID;
-    const float reach = met ? ray.ray.tfar[k] : kInfinity;
+    bool met = ray.hit.geomID[k] != RTC_INVALID_GEOMETRY_ID;
+    float length = met ? ray.ray.tfar[k] : kInfinity;
+    bool scattered = false;
+    if (path.medium != nullptr) {
+      const float u = PointsOf(path.x)
+                          .At(Dimension(path.depth, kDistance) + (path.crossings << 16), path.sample)
+                          .x;
+      const float free = -std::log(1 - u) / path.medium->extinction;
+      scattered = free < length;
+      length = std::min(free, length);
+    }
+    const Vec3f point = path.origin + (std::isfinite(length) ? length : 0.0f) * path.direction;
+    std::optional<Scene::Hit> hit;
+    if (met && !scattered) {
+      hit = scene_.Resolve(ray.hit.instID[0][k], ray.hit.geomID[k], ray.hit.primID[k], ray.hit.u[k],
+                           ray.hit.v[k], point, path.direction);
+      if (hit->material->kind == Material::Kind::kMedium && path.crossings < kMostCrossings) {
+        return Cross(path, *hit, length);
+      }
+    }
+    const float reach = path.travelled + length;
     if (path.vertex != kNone) vertices_[path.vertex].reach = reach;
-    if (path.vertex == kNone && !Clear(path, met, reach)) {
-      Vertex camera = Origin(path.origin, path.direction, path.throughput);
+    met = met || scattered;
+    if (path.vertex == kNone && !Clear(path, met, length)) {
+      Vertex camera = Origin(path.origin - path.travelled * path.direction, path.direction, path.throughput);
       camera.reach = reach;
       Keep(camera, path.x);
     }
     if (!met || path.last) return;
-    const Scene::Hit hit = scene_.Resolve(ray.hit.geomID[k], ray.hit.primID[k], ray.hit.u[k],
-                                          ray.hit.v[k], path.direction);
-    switch (hit.material->kind) {
+    if (scattered) return ScatterInMedium(path, point);
+    switch (hit->material->kind) {
       case Material::Kind::kSurface:
-        return Scatter(path, hit);
+        return Scatter(path, *hit);
       case Material::Kind::kMirror:
-        return Mirror(path, hit);
+        return Mirror(path, *hit);
       case Material::Kind::kGlass:
-        return Glass(path, hit);
+        return Glass(path, *hit);
+      case Material::Kind::kMedium:
+        return;
     }
+  }
+
+  // On through the boundary of a medium, still on the way from the same vertex.
+  void Cross(const Path& path, const Scene::Hit& hit, float length) {
+    Path on = path;
+    on.origin = hit.point - kLift * hit.face;
+    on.medium = hit.outside ? hit.material : nullptr;
+    on.travelled += length;
+    ++on.crossings;
+    going_.push_back(on);
+  }
+
+  void ScatterInMedium(const Path& path, const Vec3f& point) {
+    const PixelPoints points = PointsOf(path.x);
+    Vertex v;
+    v.position = point;
+    v.medium = 1;
+    v.view = -path.direction;
+    v.throughput = path.throughput;
+    v.diffuse = path.medium->diffuse;
+    if (path.medium->texture) v.diffuse *= path.medium->texture({.position = point});
+    v.roughness = path.medium->anisotropy;
+    const Point2 disc = InDisc(points.At(Dimension(path.depth, kDisc), path.sample));
+    v.disc_x = disc.x;
+    v.disc_y = disc.y;
+    if (path.depth < options_.bounces) {
+      const Point2 u = points.At(Dimension(path.depth, kDirection), path.sample);
+      const float cosine = ScatteringCosine(v.roughness, u.x), angle = 2 * std::numbers::pi_v<float> * u.y;
+      const float sine = std::sqrt(std::max(0.0f, 1 - cosine * cosine));
+      v.next = Frame3(path.direction)
+                   .ToWorld({sine * std::cos(angle), sine * std::sin(angle), cosine})
+                   .normalized();
+      v.behind = v.throughput * v.diffuse;
+    }
+    GoOn(path, Keep(v, path.x), points);
   }
 
   // True if no light can be met on this way from the camera: lights shine inwards, so only a ray on its way out meets one, and such
   // a ray does not end farther in.
-  bool Clear(const Path& path, bool met, float reach) const {
-    return met && (path.origin + reach * path.direction).norm() < options_.clear_radius;
+  bool Clear(const Path& path, bool met, float length) const {
+    return met && (path.origin + length * path.direction).norm() < options_.clear_radius;
   }
 
   // A vertex that only passes on what its next ray meets.
@@ -264,7 +336,7 @@ class RowTracer {
     v.view = -path.direction;
     v.throughput = path.throughput;
     v.diffuse = hit.diffuse;
-    v.specular = material.specular;
+    v.specular = hit.specular;
     v.roughness = material.roughness;
     const float nv = std::max(v.normal.dot(v.view), kLeastCosine);
     if ((v.specular > 0).any()) {
@@ -312,7 +384,7 @@ class RowTracer {
     const Vec3f direction = d - 2 * d.dot(hit.normal) * hit.normal;
     if (hit.face.dot(direction) <= 0) return;
     const uint32_t vertex = Keep(Origin(hit.point + kLift * hit.face, direction.normalized(),
-                                        path.throughput * hit.material->specular),
+                                        path.throughput * hit.specular),
                                  path.x);
     GoOn(path, vertex, PointsOf(path.x));
   }
@@ -334,7 +406,7 @@ class RowTracer {
       const float ratio = n1 / n2;
       direction = ratio * d + (ratio * cosine - other) * hit.normal;
       position -= kLift * hit.face;
-      throughput *= ratio * ratio;  // radiance is narrowed on its way into the denser side
+      throughput *= ratio * ratio * hit.tint;  // radiance is narrowed on its way into the denser side
     }
     GoOn(path, Keep(Origin(position, direction.normalized(), throughput), path.x), points);
   }
@@ -351,8 +423,8 @@ class RowTracer {
       throughput /= survival;
     }
     if (last && v.pdf == 0) return;
-    going_.push_back(
-        {v.position, v.next, throughput, path.x, path.sample, path.depth + 1, last, vertex});
+    going_.push_back({v.position, v.next, throughput, path.x, path.sample, path.depth + 1, last, vertex,
+                      path.medium});
   }
 
   const Scene& scene_;
@@ -372,7 +444,7 @@ void Paths::Row::Free::operator()(float* p) const { ::operator delete[](p, kAlig
 
 Paths::Paths(const Scene& scene, const CameraGeometry& camera, int width, int height,
              const PathOptions& options)
-    : width_(width), height_(height), samples_(options.samples), rows_(height) {
+    : camera_(camera), width_(width), height_(height), samples_(options.samples), rows_(height) {
   ForRows(height, [&](int y) {
     RowTracer tracer(scene, camera, width, height, y, options);
     tracer.Trace();

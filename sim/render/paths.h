@@ -4,7 +4,7 @@
 // scene and picture size, and lamps and projector are connected to their vertices afterwards (kernels.h). That is path tracing with
 // next-event estimation, with the paths kept. Only what turns otherwise than the object - the lights - is not part of the scene.
 //
-// A vertex is either a scattering surface, to which lights are connected, or a mere origin of a ray (the camera, a mirror, glass): then
+// A vertex is either a scattering surface or a point in a medium, to which lights are connected, or a mere origin of a ray (the camera, a mirror, glass): then
 // its normal is 0 and only a light that the ray meets counts. Glossy surfaces take light both ways, weighted by the balance heuristic
 // (Veach, "Robust Monte Carlo Methods", 1997, eq. 9.8).
 #pragma once
@@ -43,6 +43,7 @@ class Paths {
   int width() const { return width_; }
   int height() const { return height_; }
   int samples() const { return samples_; }
+  const CameraGeometry& camera() const { return camera_; }
 
   // The vertices of one row of pixels, in order of x.
   struct Row {
@@ -61,6 +62,7 @@ class Paths {
   const Row& row(int y) const { return rows_[y]; }
 
  private:
+  const CameraGeometry camera_;
   const int width_, height_, samples_;
   std::vector<Row> rows_;
 };

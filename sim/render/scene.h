@@ -1,4 +1,4 @@
-// What stands on the turntable: meshes and materials in the object frame (metres, +Z up, turntable's top at z = 0), and the
+// What stands on the turntable: shapes and materials in the object frame (metres, +Z up, turntable's top at z = 0), and the
 // acceleration structure that answers rays.
 #pragma once
 
@@ -9,52 +9,80 @@
 #include <array>
 #include <cstdint>
 #include <functional>
-#include <string_view>
+#include <memory>
+#include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
 namespace lightstage::sim {
 
 using Vec3f = Eigen::Vector3f;
+using Vec2f = Eigen::Vector2f;
 using Rgb = Eigen::Array3f;
+
+// Where a texture is looked up.
+struct SurfacePoint {
+  Vec3f position;                // object frame
+  Vec2f uv = Vec2f::Zero();      // the mesh's own; a ball's: azimuth and height, each [0,1]; (0, 0) where there is none
+};
 
 struct Material {
   enum class Kind {
     kSurface,  // Lambertian, with a GGX layer if `specular` is not 0 (bsdf.inc): matte, plastic, rough metal
     kMirror,  // reflects `specular` of the light, at every angle
-    kGlass,   // smooth and clear, of refractive index `ior`, in a closed mesh; Fresnel's equations
+    kGlass,   // smooth and clear, of refractive index `ior`, in a closed shape; Fresnel's equations
+    kMedium,  // fills a closed shape with what scatters light, index-matched: its boundary itself does nothing. Media must not overlap
+              // each other or glass; surfaces may stand in them.
   };
   Kind kind = Kind::kSurface;
-  Rgb diffuse = Rgb::Zero();   // albedo, [0,1]
+  Rgb diffuse = Rgb::Zero();   // albedo, [0,1]; of a medium: scattering over extinction
   Rgb specular = Rgb::Zero();  // reflectance at normal incidence, [0,1]
   float roughness = 1;         // GGX α, [0.01,1]
   float ior = 1.5f;            // [1,4]
-  // Multiplies `diffuse` at a point of the object frame; none: 1.
-  std::function<Rgb(const Vec3f&)> texture;
+  float extinction = 0;        // of a medium, 1/m: the inverse of its mean free path
+  float anisotropy = 0;        // of a medium: mean cosine of the scattering angle (Henyey-Greenstein), (−1,1)
+  // Multiplies the colour: `diffuse` and, if that is black or there is none, `specular`; what glass lets through. None: 1.
+  std::function<Rgb(const SurfacePoint&)> texture;
 };
 
 struct Mesh {
+  std::string name;             // for errors
   std::vector<Vec3f> vertices;
-  std::vector<Vec3f> normals;  // unit, outward, one per vertex; interpolated for shading
+  std::vector<Vec3f> normals;   // unit, outward, one per vertex; interpolated for shading
+  std::vector<Vec2f> uvs;       // one per vertex, or none
   std::vector<std::array<uint32_t, 3>> triangles;  // counterclockwise seen from outside
+  int material = 0;
+  // Where it stands, as instances of one structure in memory; none: once, as it is. Similarities only (rotation, translation, one
+  // positive scale for all axes).
+  std::vector<Eigen::Affine3f> placements;
+};
+
+// A perfect sphere.
+struct Ball {
+  Vec3f center = Vec3f::Zero();
+  float radius = 0;
   int material = 0;
 };
 
 struct SceneDescription {
   std::vector<Material> materials;
   std::vector<Mesh> meshes;
+  std::vector<Ball> balls;
 };
 
 // Built once, then only read: any number of threads may trace it. Movable.
 class Scene {
  public:
-  // INVALID_ARGUMENT / SCENE if an index is out of range; INTERNAL / EMBREE if Embree refuses.
+  // INVALID_ARGUMENT / SCENE, naming the shape and its element: an index out of range, a number that is none, a triangle without
+  // an area, or glass or a medium in a mesh that is not closed. INTERNAL / EMBREE if Embree refuses.
   static absl::StatusOr<Scene> Build(SceneDescription description);
   Scene(Scene&& other) noexcept;
   Scene& operator=(Scene&&) = delete;
   ~Scene();
 
+  // Occlusion is to be asked with a ShadowContext (kernels.h), or media hide what is behind them.
   RTCScene handle() const { return scene_; }
 
   // What a ray meets first.
@@ -62,16 +90,33 @@ class Scene {
     Vec3f point;   // on the surface
     Vec3f face;    // unit normal of the triangle, towards the ray's origin
     Vec3f normal;  // unit shading normal, on the same side
-    Rgb diffuse;   // texture applied
+    Rgb diffuse, specular;  // texture applied
+    Rgb tint;               // the texture
     const Material* material;
-    bool outside;  // the ray comes from the outer side of the mesh
+    bool outside;  // the ray comes from the outer side of the shape
   };
-  // What Embree found, where. `direction`: the ray's, of any length.
-  Hit Resolve(uint32_t mesh, uint32_t triangle, float u, float v, const Vec3f& direction) const;
+  // What Embree found at `point`, where. `direction`: the ray's, of any length.
+  Hit Resolve(uint32_t instance, uint32_t geometry, uint32_t triangle, float u, float v, const Vec3f& point,
+              const Vec3f& direction) const;
+
+  // FAILED_PRECONDITION / INSIDE_OBJECT naming the shape, if `what` stands at a point inside a closed one: it would see it from
+  // within.
+  absl::Status CheckOutside(const Vec3f& point, const std::string& what) const;
 
  private:
+  // What an Embree geometry is.
+  struct Geometry {
+    int mesh = -1, ball = -1;  // one of them
+    Eigen::Affine3f placement = Eigen::Affine3f::Identity();
+    bool placed = false;
+  };
+
   Scene() = default;
-  SceneDescription description_;
+  void Attach();
+  std::string NameOf(const Geometry& geometry) const;
+
+  std::unique_ptr<SceneDescription> description_;  // in one place: Embree points into it
+  std::vector<Geometry> geometries_;               // by Embree's number
   RTCDevice device_ = nullptr;
   RTCScene scene_ = nullptr;
 };

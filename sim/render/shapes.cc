@@ -47,11 +47,18 @@ Mesh Surface(int columns, int rows, bool wrap_s, bool wrap_t,
       mesh.vertices.push_back(point(static_cast<float>(i) / columns, static_cast<float>(j) / rows));
     }
   }
+  // At a pole a row is one point, to the last bit: a closed surface has no hole there.
+  for (int j = 0; j < up; ++j) {
+    for (int i = 1; i < across; ++i) {
+      const auto v = static_cast<uint32_t>(j * across + i);
+      if (Coincide(mesh, v - 1, v)) mesh.vertices[v] = mesh.vertices[v - 1];
+    }
+  }
   auto index = [&](int i, int j) { return static_cast<uint32_t>((j % up) * across + i % across); };
   for (int j = 0; j < rows; ++j) {
     for (int i = 0; i < columns; ++i) {
       uint32_t a = index(i, j), b = index(i + 1, j), c = index(i + 1, j + 1), d = index(i, j + 1);
-      // At a pole a side has no length, and a triangle on it no area: no face, and no normal to speak of.
+      // There a side has no length, and a triangle on it no area: no face, and no normal to speak of.
       if (!Coincide(mesh, a, b)) mesh.triangles.push_back({a, b, c});
       if (!Coincide(mesh, c, d)) mesh.triangles.push_back({a, c, d});
     }
@@ -108,8 +115,8 @@ Mesh Lathe(const Vec3f& base, const std::vector<Eigen::Vector2f>& profile, int s
     }
     for (int i = 0; i < segments; ++i) {
       uint32_t a = first + 2 * i, b = first + 2 * ((i + 1) % segments);
-      mesh.triangles.push_back({a, b, b + 1});
-      mesh.triangles.push_back({a, b + 1, a + 1});
+      if (closed[k].x() > 0) mesh.triangles.push_back({a, b, b + 1});
+      if (closed[k + 1].x() > 0) mesh.triangles.push_back({a, b + 1, a + 1});
     }
   }
   return mesh;
@@ -136,6 +143,19 @@ Mesh Tube(const std::function<Vec3f(float)>& curve, float radius, int segments, 
     Vec3f side = tangents[i].cross(normals[i]);
     return Vec3f(centers[i] + radius * (std::cos(angle) * normals[i] + std::sin(angle) * side));
   });
+}
+
+Mesh Rod(const Vec3f& from, const Vec3f& to, float radius, int sides) {
+  const Vec3f along = to - from;
+  Eigen::Affine3f transform(Eigen::Quaternionf::FromTwoVectors(Vec3f::UnitZ(), along));
+  transform.pretranslate(from);
+  return Transformed(Lathe(Vec3f::Zero(), {{radius, 0.0f}, {radius, along.norm()}}, sides), transform);
+}
+
+Mesh Transformed(Mesh mesh, const Eigen::Affine3f& transform) {
+  for (Vec3f& v : mesh.vertices) v = transform * v;
+  for (Vec3f& n : mesh.normals) n = (transform.linear() * n).normalized();
+  return mesh;
 }
 
 Mesh Floor(float half_width, float z) {

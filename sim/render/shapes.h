@@ -25,6 +25,12 @@ Mesh Lathe(const Vec3f& base, const std::vector<Eigen::Vector2f>& profile, int s
 // A tube of `radius` along a closed curve over [0,1).
 Mesh Tube(const std::function<Vec3f(float)>& curve, float radius, int segments, int sides);
 
+// A cylinder with flat ends.
+Mesh Rod(const Vec3f& from, const Vec3f& to, float radius, int sides = 16);
+
+// Turned, moved and scaled (a similarity).
+Mesh Transformed(Mesh mesh, const Eigen::Affine3f& transform);
+
 // One upward rectangle around (0, 0, z).
 Mesh Floor(float half_width, float z);
 

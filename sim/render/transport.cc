@@ -1,13 +1,13 @@
 #include "sim/render/transport.h"
 
+#include <algorithm>
 #include <cassert>
 #include <limits>
 
 namespace lightstage::sim {
-// ---- Transport
 
 Transport::Transport(Scene scene, const RigGeometry& geometry, const TransportOptions& options)
-    : scene_(std::move(scene)), geometry_(geometry), options_(options) {}
+    : scene_(std::move(scene)), geometry_(geometry), options_(options), parts_(geometry, options.parts) {}
 
 std::shared_ptr<const Paths> Transport::GetPaths(FilmSize size) {
   MutexLock lock(&paths_mutex_);
@@ -18,23 +18,25 @@ std::shared_ptr<const Paths> Transport::GetPaths(FilmSize size) {
     PathOptions options{
         .samples = options_.samples, .bounces = options_.bounces, .seed = options_.seed};
     const BraceGeometry& brace = geometry_.brace;
-    double clear =
-        brace.lamps.empty() ? std::numeric_limits<double>::infinity() : brace.radius.meters();
+    double clear = std::numeric_limits<double>::infinity();
+    if (!brace.lamps.empty()) clear = brace.radius.meters();
+    if (options_.lens.radius > Meters(0)) clear = std::min(clear, geometry_.projector.distance.meters());
     options.clear_radius = static_cast<float>(clear - 1e-3);
     paths = std::make_shared<Paths>(scene_, geometry_.camera, size.width, size.height, options);
   }
   return paths;
 }
 
-std::shared_ptr<const Image> Transport::Lamp(FilmSize size, Angle azimuth, int lamp, Keep keep) {
+std::shared_ptr<const Image> Transport::Lamp(FilmSize size, const Pose& pose, int lamp, Keep keep) {
   assert(lamp >= 0 && lamp < static_cast<int>(geometry_.brace.lamps.size()));
-  azimuth = WrapTurn(azimuth);
-  const Key key{size, lamp, azimuth.degrees(), 0};
+  const Pose wrapped{WrapTurn(pose.azimuth), parts_.gantry() ? pose.tilt : Angle()};
+  const Key key{size, lamp, wrapped.azimuth.degrees(), wrapped.tilt.degrees()};
   Value value;
   if (Find(key, &value)) return std::get<std::shared_ptr<const Image>>(value);
-  auto image = std::make_shared<const Image>(Illuminate(
-      scene_, *GetPaths(size),
-      LampLight(geometry_.brace, lamp, azimuth, options_.lamp_intensity_w_sr, options_.seed)));
+  const DiscLight light = LampLight(geometry_.brace, lamp, wrapped.azimuth, options_.lamp_intensity_w_sr,
+                                    options_.seed);
+  auto image =
+      std::make_shared<const Image>(Illuminate(scene_, *GetPaths(size), light, parts_.At(wrapped).get()));
   Store(key, image, image->pixels().size_bytes(), keep);
   return image;
 }
@@ -46,9 +48,10 @@ std::shared_ptr<const ProjectorTransport> Transport::Projector(FilmSize size, co
   const Key key{size, -1, wrapped.azimuth.degrees(), wrapped.tilt.degrees()};
   Value value;
   if (Find(key, &value)) return std::get<std::shared_ptr<const ProjectorTransport>>(value);
+  const LensLight light = ProjectorLight(geometry_.projector, options_.lens, wrapped,
+                                         options_.projector_intensity_w_sr, options_.seed);
   auto traced = std::make_shared<const ProjectorTransport>(
-      Illuminate(scene_, *GetPaths(size),
-                 ProjectorLight(geometry_.projector, wrapped, options_.projector_intensity_w_sr)));
+      Illuminate(scene_, *GetPaths(size), light, parts_.At(wrapped).get()));
   Store(key, traced, traced->bytes(), keep);
   return traced;
 }

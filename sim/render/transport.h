@@ -2,8 +2,7 @@
 // what a pose costs to trace is traced once, and any lamp level or pattern is then a product. Light adds, so all pictures made
 // of one transport are exactly consistent with each other.
 //
-// Thread-safe. The same seed gives the same bytes, however many
-// threads trace and in whatever order things are asked for.
+// Thread-safe. The same seed gives the same bytes, however many threads trace and in whatever order things are asked for.
 #pragma once
 
 #include <cstddef>
@@ -21,6 +20,7 @@
 #include "optics/rig_geometry.h"
 #include "sim/render/illuminate.h"
 #include "sim/render/paths.h"
+#include "sim/render/rig_parts.h"
 #include "sim/render/scene.h"
 
 namespace lightstage::sim {
@@ -32,6 +32,8 @@ struct TransportOptions {
   size_t cache_bytes = size_t{512} << 20;  // for transport; the camera's paths come on top
   double lamp_intensity_w_sr = 10;         // each lamp at level 1, along its axis; Lambertian
   double projector_intensity_w_sr = 10;    // along its axis, at pattern value 1
+  LensOptions lens;                        // the projector's
+  PartOptions parts;                       // of the rig, that stand in the light; the camera's body is for the scene to have
 };
 
 struct FilmSize {
@@ -48,8 +50,8 @@ class Transport {
 
   const RigGeometry& geometry() const { return geometry_; }
 
-  // Radiance, W/(m²·sr), 3 channels, under one lamp at level 1 with the turntable at `azimuth`.
-  std::shared_ptr<const Image> Lamp(FilmSize size, Angle azimuth, int lamp, Keep keep);
+  // Radiance, W/(m²·sr), 3 channels, under one lamp at level 1. The tilt matters only if a gantry stands in the light.
+  std::shared_ptr<const Image> Lamp(FilmSize size, const Pose& pose, int lamp, Keep keep);
   // The rig must have a projector.
   std::shared_ptr<const ProjectorTransport> Projector(FilmSize size, const Pose& pose, Keep keep);
 
@@ -82,6 +84,7 @@ class Transport {
   const Scene scene_;
   const RigGeometry geometry_;
   const TransportOptions options_;
+  const RigParts parts_;
 
   Mutex paths_mutex_;  // held while paths are traced, so that nobody traces them twice
   std::map<FilmSize, std::shared_ptr<const Paths>> paths_ ABSL_GUARDED_BY(paths_mutex_);

@@ -1,6 +1,7 @@
 #include "sim/rig/drivers.h"
 
 #include <cmath>
+#include <filesystem>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
@@ -8,7 +9,6 @@
 #include "base/mutex.h"
 #include "base/status.h"
 #include "sim/render/paths.h"
-#include "sim/render/scenes.h"
 #include "sim/rig/sim_axis.h"
 #include "sim/rig/sim_camera.h"
 #include "sim/rig/sim_lamps.h"
@@ -56,7 +56,8 @@ Faults ParseFaults(const TomlTable& table) {
 
 WorldOptions ParseSimulation(const TomlTable& table) {
   WorldOptions o;
-  o.scene = table.OneOf("scene", SceneNames(), o.scene);
+  o.scene = table.String("scene", o.scene);
+  o.scene_directory = std::filesystem::path(table.file()).parent_path().string();
   o.seed = static_cast<uint64_t>(table.Int("seed", 0, INT64_MAX, static_cast<int64_t>(o.seed)));
   o.samples = static_cast<int>(table.Int("samples", 1, 256, o.samples));
   o.bounces = static_cast<int>(table.Int("bounces", 0, kMostBounces, o.bounces));

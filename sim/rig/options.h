@@ -33,7 +33,8 @@ struct Faults {
 };
 
 struct WorldOptions {
-  std::string scene = "default";
+  std::string scene = "default";  // of the simulator, or a scene file (sim/scenes/scenes.h) …
+  std::string scene_directory;    // … which is relative to this
   uint64_t seed = 1;
   int samples = 8;  // paths per pixel: each its own point in the pixel and on the lamp
   int bounces = 0;  // of light between surfaces (sim/render/paths.h); 0: direct light only

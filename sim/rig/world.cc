@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "base/status.h"
 #include "sim/render/hash.h"
-#include "sim/render/scenes.h"
+#include "sim/scenes/scenes.h"
 
 namespace lightstage::sim {
 namespace {
@@ -33,7 +33,8 @@ uint64_t Fold(uint64_t hash, const LightTerm& term) {
 
 absl::StatusOr<std::shared_ptr<World>> World::Create(const WorldOptions& options,
                                                      const RigGeometry& geometry, Clock& clock) {
-  ASSIGN_OR_RETURN(SceneDescription description, MakeScene(options.scene));
+  ASSIGN_OR_RETURN(SceneDescription description,
+                   LoadScene(options.scene, options.scene_directory));
   ASSIGN_OR_RETURN(Scene scene, Scene::Build(std::move(description)));
   return std::shared_ptr<World>(new World(options, geometry, clock, std::move(scene)));
 }
@@ -198,7 +199,7 @@ Image World::Render(const std::vector<LightTerm>& terms, FilmSize size) {
       transport_.Projector(size, term.pose, keep)->Add(raster, scale, &sum);
       continue;
     }
-    std::shared_ptr<const Image> lamp = transport_.Lamp(size, term.pose.azimuth, term.lamp, keep);
+    std::shared_ptr<const Image> lamp = transport_.Lamp(size, term.pose, term.lamp, keep);
     std::span<const float> in = lamp->pixels();
     for (size_t i = 0; i < out.size(); ++i) out[i] += scale * in[i];
   }
@@ -259,7 +260,7 @@ void World::Prefetch(FilmSize size) {
     if (term.lamp < 0) {
       transport_.Projector(size, term.pose, Keep::kYes);
     } else {
-      transport_.Lamp(size, term.pose.azimuth, term.lamp, Keep::kYes);
+      transport_.Lamp(size, term.pose, term.lamp, Keep::kYes);
     }
   }
 }

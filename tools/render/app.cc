@@ -22,13 +22,14 @@
 #include "sim/render/hash.h"
 #include "sim/render/illuminate.h"
 #include "sim/render/paths.h"
-#include "sim/render/scenes.h"
+#include "sim/scenes/scenes.h"
 
 namespace lightstage::sim {
 namespace {
 
 constexpr char kFooter[] = R"(
-SCENE is the name of a scene of the simulator; default: what the rig file's [simulation] says.
+SCENE is the name of a scene of the simulator or a scene file (.toml); default: what the rig file's
+[simulation] says.
 The picture is radiance, W/(m²·sr), as the rig file's camera sees it; MAP is a latitude-longitude
 OpenEXR picture of radiance, as relight env takes it.
 
@@ -77,10 +78,9 @@ absl::StatusOr<AddLight> LightOf(const Flags& flags, const Scene& scene,
     RETURN_IF_ERROR(Validate(pattern));
     Image raster = Rasterize(pattern, geometry.projector.width, geometry.projector.height);
     const Pose pose{Degrees(flags.azimuth_deg), Degrees(flags.tilt_deg)};
-    const PinholeLight light =
-        ProjectorLight(geometry.projector, pose, options.projector_intensity_w_sr);
-    return [&scene, light, raster = std::move(raster)](const Paths& paths, uint64_t, float share,
-                                                       Image* sum) {
+    return [&, pose, raster = std::move(raster)](const Paths& paths, uint64_t seed, float share, Image* sum) {
+      const LensLight light =
+          ProjectorLight(geometry.projector, {}, pose, options.projector_intensity_w_sr, seed);
       Illuminate(scene, paths, light).Add(raster, share, sum);
     };
   }
@@ -113,7 +113,8 @@ absl::Status Render(const Flags& flags, std::ostream& out, std::ostream& err, bo
   if (!flags.size.empty()) RETURN_IF_ERROR(ParseSize(flags.size, &width, &height));
 
   ASSIGN_OR_RETURN(SceneDescription description,
-                   MakeScene(flags.scene.empty() ? options.scene : flags.scene));
+                   flags.scene.empty() ? LoadScene(options.scene, options.scene_directory)
+                                       : LoadScene(flags.scene, ""));
   ASSIGN_OR_RETURN(Scene scene, Scene::Build(std::move(description)));
   ASSIGN_OR_RETURN(AddLight add, LightOf(flags, scene, rig->geometry, options));
 
@@ -167,7 +168,7 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
   Flags flags;
   app.footer(kFooter);
   app.set_version_flag("--version", std::string("lightstage-render ") + kVersion);
-  app.add_option("SCENE", flags.scene, "Which scene")->check(CLI::IsMember(SceneNames()));
+  app.add_option("SCENE", flags.scene, "Which scene");
   app.add_option("--rig", flags.rig, "Rig file (TOML): geometry, camera, lights")->required();
   auto* light = app.add_option_group("light", "What shines; one of them");
   light->add_option("--lamp", flags.lamp, "This lamp at level 1")->check(CLI::NonNegativeNumber);

@@ -1,71 +1,13 @@
-#include "sim/render/scenes.h"
-
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
-#include "base/status.h"
-#include "sim/render/shapes.h"
+#include "sim/scenes/builder.h"
+#include "sim/scenes/shipped.h"
 
 namespace lightstage::sim {
 namespace {
 
 constexpr float kPi = std::numbers::pi_v<float>;
-
-// Smooth bumps in [0,1] from a few fixed waves: enough to look like grain, and the same on every machine.
-float Grain(float x, float y) {
-  float v = std::sin(x) + 0.5f * std::sin(2.3f * x + 1.7f * std::sin(0.9f * y)) +
-            0.25f * std::sin(5.1f * x + 2.0f * y) + 0.2f * std::sin(11.3f * x - 3.1f * y);
-  return std::clamp(0.5f + 0.27f * v, 0.0f, 1.0f);
-}
-
-Rgb Wood(const Vec3f& p) {
-  // Rings around a trunk whose axis lies far off, stretched along the planks.
-  float ring = std::hypot(p.y() + 0.31f + 0.02f * std::sin(9 * p.x()), 0.6f * p.z() + 0.05f);
-  float tone = Grain(420 * ring, 14 * p.x());
-  return Rgb(0.62f, 0.38f, 0.20f) * (0.55f + 0.45f * tone);
-}
-
-Rgb Turntable(const Vec3f& p) {
-  float radius = std::hypot(p.x(), p.y());
-  // A graduation every 5.625°, the steps of 64 azimuths.
-  float step = std::abs(std::remainder(std::atan2(p.y(), p.x()), 2 * kPi / 64)) * radius;
-  if (radius > 0.215f && radius < 0.235f && step < 0.0008f) return Rgb::Constant(0.15f);
-  return Rgb::Constant(0.92f + 0.08f * Grain(900 * radius, 3));
-}
-
-class Builder {
- public:
-  int Add(Material material) {
-    scene_.materials.push_back(std::move(material));
-    return static_cast<int>(scene_.materials.size()) - 1;
-  }
-  int Matte(const Rgb& diffuse) { return Add({.diffuse = diffuse}); }
-  int Plastic(const Rgb& diffuse, float roughness) {
-    return Add({.diffuse = diffuse, .specular = Rgb::Constant(0.05f), .roughness = roughness});
-  }
-  int Metal(const Rgb& specular, float roughness) {
-    return Add({.specular = specular, .roughness = roughness});
-  }
-  void Put(Mesh mesh, int material) {
-    mesh.material = material;
-    scene_.meshes.push_back(std::move(mesh));
-  }
-  SceneDescription Take() { return std::move(scene_); }
-
- private:
-  SceneDescription scene_;
-};
-
-void PutGround(Builder* b) {
-  b->Put(Floor(3, -0.05f), b->Matte(Rgb::Constant(0.06f)));
-  int top = b->Add({.diffuse = Rgb(0.42f, 0.43f, 0.45f), .texture = Turntable});
-  b->Put(
-      Lathe(Vec3f::Zero(), {{0.236f, -0.03f}, {0.24f, -0.026f}, {0.24f, -0.004f}, {0.236f, 0.0f}}),
-      top);
-}
 
 // A trefoil knot of glazed porcelain on a turned foot.
 void PutKnot(Builder* b) {
@@ -154,19 +96,7 @@ void PutBalls(Builder* b) {
 
 }  // namespace
 
-const std::vector<std::string>& SceneNames() {
-  static const auto* const kNames = new std::vector<std::string>{"default"};
-  return *kNames;
-}
-
-absl::StatusOr<SceneDescription> MakeScene(const std::string& name) {
-  const auto& names = SceneNames();
-  if (std::find(names.begin(), names.end(), name) == names.end()) {
-    return Error(
-        absl::StatusCode::kNotFound, "SCENE",
-        absl::StrCat("there is no scene '", name, "'; known: ", absl::StrJoin(names, ", ")),
-        {{"scene", name}});
-  }
+SceneDescription StillLife() {
   Builder b;
   PutGround(&b);
   // The board that everything stands on.

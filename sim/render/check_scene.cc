@@ -1,0 +1,165 @@
+#include "sim/render/check_scene.h"
+
+#include <bit>
+#include <cmath>
+#include <string_view>
+
+#include "absl/container/flat_hash_map.h"
+#include "absl/strings/str_format.h"
+#include "base/status.h"
+
+namespace lightstage::sim {
+namespace {
+
+std::string NameOf(const Mesh& mesh, size_t index) {
+  return mesh.name.empty() ? absl::StrCat("mesh ", index) : mesh.name;
+}
+
+absl::Status Wrong(const std::string& shape, const std::string& what) {
+  return Error(absl::StatusCode::kInvalidArgument, "SCENE", absl::StrCat(shape, ": ", what),
+               {{"shape", shape}});
+}
+
+bool NeedsInside(const Material& material) {
+  return material.kind == Material::Kind::kGlass || material.kind == Material::Kind::kMedium;
+}
+
+absl::Status CheckMaterial(const Material& m, size_t index) {
+  const std::string name = absl::StrCat("material ", index);
+  auto color = [](const Rgb& c) { return (c >= 0).all() && (c <= 1).all(); };
+  if (!color(m.diffuse) || !color(m.specular)) {
+    return Wrong(name, "its colours must be from 0 to 1");
+  }
+  if (!(m.roughness >= 0.01f && m.roughness <= 1)) {
+    return Wrong(name, absl::StrCat("its roughness is ", m.roughness, ", must be from 0.01 to 1"));
+  }
+  if (!(m.ior >= 1 && m.ior <= 4)) {
+    return Wrong(name, absl::StrCat("its refractive index is ", m.ior, ", must be from 1 to 4"));
+  }
+  if (m.kind == Material::Kind::kMedium) {
+    if (!(m.extinction > 0 && m.extinction <= 1e6f)) {
+      return Wrong(name, absl::StrCat("a medium's extinction is ", m.extinction,
+                                      " 1/m, must be above 0 and at most 1e6"));
+    }
+    if (!(std::abs(m.anisotropy) < 0.9999f)) {
+      return Wrong(name, absl::StrCat("a medium's anisotropy is ", m.anisotropy,
+                                      ", must be above -1 and below 1"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Every edge of a closed surface has a triangle on either side, which run through it in opposite directions. Vertices at the same
+// place count as one, for creases have several.
+absl::Status CheckClosed(const Mesh& mesh, const std::string& name) {
+  using Place = std::array<uint32_t, 3>;
+  absl::flat_hash_map<Place, uint32_t> places;
+  std::vector<uint32_t> at;
+  for (const Vec3f& v : mesh.vertices) {
+    Place place;
+    for (int c = 0; c < 3; ++c) place[c] = std::bit_cast<uint32_t>(v[c] + 0.0f);  // −0 becomes 0
+    at.push_back(places.try_emplace(place, static_cast<uint32_t>(places.size())).first->second);
+  }
+  // Directed edges, how often, and the last triangle that had it.
+  absl::flat_hash_map<std::pair<uint32_t, uint32_t>, std::pair<int, size_t>> edges;
+  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (int k = 0; k < 3; ++k) {
+      auto& [count, triangle] = edges[{at[mesh.triangles[t][k]], at[mesh.triangles[t][(k + 1) % 3]]}];
+      ++count;
+      triangle = t;
+    }
+  }
+  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (int k = 0; k < 3; ++k) {
+      const uint32_t a = mesh.triangles[t][k], b = mesh.triangles[t][(k + 1) % 3];
+      auto there = edges.find({at[b], at[a]});
+      if (there != edges.end() && there->second.first == edges[{at[a], at[b]}].first) continue;
+      return Wrong(name, absl::StrFormat("it is not closed, as glass and media must be: triangle %d has no "
+                                         "neighbour at its edge from vertex %d to %d",
+                                         t, a, b));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckMesh(const Mesh& mesh, const std::string& name) {
+  if (mesh.triangles.empty()) return Wrong(name, "it has no triangles");
+  if (mesh.normals.size() != mesh.vertices.size()) {
+    return Wrong(name, absl::StrFormat("it has %d normals for %d vertices", mesh.normals.size(),
+                                       mesh.vertices.size()));
+  }
+  if (!mesh.uvs.empty() && mesh.uvs.size() != mesh.vertices.size()) {
+    return Wrong(name, absl::StrFormat("it has %d texture coordinates for %d vertices", mesh.uvs.size(),
+                                       mesh.vertices.size()));
+  }
+  for (size_t v = 0; v < mesh.vertices.size(); ++v) {
+    const Vec3f& p = mesh.vertices[v];
+    if (!p.allFinite() || p.cwiseAbs().maxCoeff() > 1e3f) {
+      return Wrong(name, absl::StrFormat("vertex %d is at (%g, %g, %g) m; each must be a number from -1000 to 1000",
+                                         v, p.x(), p.y(), p.z()));
+    }
+    if (!(std::abs(mesh.normals[v].norm() - 1) < 1e-3f)) {
+      return Wrong(name, absl::StrFormat("the normal of vertex %d has the length %g, must be 1", v,
+                                         mesh.normals[v].norm()));
+    }
+    if (!mesh.uvs.empty() && !mesh.uvs[v].allFinite()) {
+      return Wrong(name, absl::StrFormat("the texture coordinates of vertex %d are no numbers", v));
+    }
+  }
+  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const auto& triangle = mesh.triangles[t];
+    for (uint32_t v : triangle) {
+      if (v < mesh.vertices.size()) continue;
+      return Wrong(name, absl::StrFormat("triangle %d has the vertex %d; there are only %d", t, v,
+                                         mesh.vertices.size()));
+    }
+    const Vec3f &a = mesh.vertices[triangle[0]], &b = mesh.vertices[triangle[1]],
+                &c = mesh.vertices[triangle[2]];
+    if (!((b - a).cast<double>().cross((c - a).cast<double>()).norm() > 0)) {
+      return Wrong(name, absl::StrFormat("triangle %d (vertices %d, %d, %d) has no area", t, triangle[0],
+                                         triangle[1], triangle[2]));
+    }
+  }
+  for (size_t i = 0; i < mesh.placements.size(); ++i) {
+    const Eigen::Matrix3f m = mesh.placements[i].linear(), square = m * m.transpose();
+    const float scale = square.trace() / 3;
+    const bool similar = mesh.placements[i].matrix().allFinite() && m.determinant() > 0 &&
+                         (square - scale * Eigen::Matrix3f::Identity()).norm() < 1e-3f * scale;
+    if (!similar) {
+      return Wrong(name, absl::StrFormat("placement %d is no rotation with one scale for all axes", i));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status CheckScene(const SceneDescription& description) {
+  const int materials = static_cast<int>(description.materials.size());
+  for (size_t i = 0; i < description.materials.size(); ++i) {
+    RETURN_IF_ERROR(CheckMaterial(description.materials[i], i));
+  }
+  auto check_index = [materials](const std::string& name, int material) {
+    if (material >= 0 && material < materials) return absl::OkStatus();
+    return Wrong(name, absl::StrFormat("it has the material %d; there are only %d", material, materials));
+  };
+  for (size_t i = 0; i < description.meshes.size(); ++i) {
+    const Mesh& mesh = description.meshes[i];
+    const std::string name = NameOf(mesh, i);
+    RETURN_IF_ERROR(check_index(name, mesh.material));
+    RETURN_IF_ERROR(CheckMesh(mesh, name));
+    if (NeedsInside(description.materials[mesh.material])) RETURN_IF_ERROR(CheckClosed(mesh, name));
+  }
+  for (size_t i = 0; i < description.balls.size(); ++i) {
+    const Ball& ball = description.balls[i];
+    const std::string name = absl::StrCat("ball ", i);
+    RETURN_IF_ERROR(check_index(name, ball.material));
+    if (!ball.center.allFinite() || !(ball.radius >= 1e-4f && ball.radius <= 1e3f)) {
+      return Wrong(name, absl::StrFormat("its radius is %g m at (%g, %g, %g); must be a number from 0.0001 to 1000",
+                                         ball.radius, ball.center.x(), ball.center.y(), ball.center.z()));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace lightstage::sim

@@ -1,0 +1,51 @@
+#include "sim/scenes/scenes.h"
+
+#include <filesystem>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "base/status.h"
+#include "sim/scenes/scene_file.h"
+#include "sim/scenes/shipped.h"
+
+namespace lightstage::sim {
+namespace {
+
+struct Entry {
+  const char* name;
+  const char* what;
+  SceneDescription (*make)();
+};
+
+constexpr Entry kScenes[] = {
+    {"default", "a still life of diffuse, glossy and finely self-shadowing things", &StillLife},
+};
+
+}  // namespace
+
+const std::vector<ShippedScene>& ShippedScenes() {
+  static const auto* const kShipped = [] {
+    auto* all = new std::vector<ShippedScene>;
+    for (const Entry& entry : kScenes) all->push_back({entry.name, entry.what});
+    return all;
+  }();
+  return *kShipped;
+}
+
+absl::StatusOr<SceneDescription> LoadScene(const std::string& scene, const std::string& directory,
+                                           Env& env) {
+  if (scene.ends_with(".toml")) {
+    return ReadSceneFile((std::filesystem::path(directory) / scene).string(), env);
+  }
+  std::vector<std::string> names;
+  for (const Entry& entry : kScenes) {
+    if (scene == entry.name) return entry.make();
+    names.emplace_back(entry.name);
+  }
+  return Error(absl::StatusCode::kNotFound, "SCENE",
+               absl::StrCat("there is no scene '", scene, "'; known: ", absl::StrJoin(names, ", "),
+                            ", or a scene file that ends with .toml"),
+               {{"scene", scene}});
+}
+
+}  // namespace lightstage::sim

@@ -1,0 +1,10 @@
+// The scenes that come with the simulator, by what makes them. All procedural, about 20 cm across, on the turntable's top at z = 0.
+#pragma once
+
+#include "sim/render/scene.h"
+
+namespace lightstage::sim {
+
+SceneDescription StillLife();
+
+}  // namespace lightstage::sim
