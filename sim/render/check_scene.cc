@@ -64,7 +64,8 @@ absl::Status CheckClosed(const Mesh& mesh, const std::string& name) {
   absl::flat_hash_map<std::pair<uint32_t, uint32_t>, std::pair<int, size_t>> edges;
   for (size_t t = 0; t < mesh.triangles.size(); ++t) {
     for (int k = 0; k < 3; ++k) {
-      auto& [count, triangle] = edges[{at[mesh.triangles[t][k]], at[mesh.triangles[t][(k + 1) % 3]]}];
+      auto& [count, triangle] =
+          edges[{at[mesh.triangles[t][k]], at[mesh.triangles[t][(k + 1) % 3]]}];
       ++count;
       triangle = t;
     }
@@ -74,9 +75,10 @@ absl::Status CheckClosed(const Mesh& mesh, const std::string& name) {
       const uint32_t a = mesh.triangles[t][k], b = mesh.triangles[t][(k + 1) % 3];
       auto there = edges.find({at[b], at[a]});
       if (there != edges.end() && there->second.first == edges[{at[a], at[b]}].first) continue;
-      return Wrong(name, absl::StrFormat("it is not closed, as glass and media must be: triangle %d has no "
-                                         "neighbour at its edge from vertex %d to %d",
-                                         t, a, b));
+      return Wrong(
+          name, absl::StrFormat("it is not closed, as glass and media must be: triangle %d has no "
+                                "neighbour at its edge from vertex %d to %d",
+                                t, a, b));
     }
   }
   return absl::OkStatus();
@@ -89,18 +91,16 @@ absl::Status CheckMesh(const Mesh& mesh, const std::string& name) {
                                        mesh.vertices.size()));
   }
   if (!mesh.uvs.empty() && mesh.uvs.size() != mesh.vertices.size()) {
-    return Wrong(name, absl::StrFormat("it has %d texture coordinates for %d vertices", mesh.uvs.size(),
-                                       mesh.vertices.size()));
+    return Wrong(name, absl::StrFormat("it has %d texture coordinates for %d vertices",
+                                       mesh.uvs.size(), mesh.vertices.size()));
   }
   for (size_t v = 0; v < mesh.vertices.size(); ++v) {
     const Vec3f& p = mesh.vertices[v];
     if (!p.allFinite() || p.cwiseAbs().maxCoeff() > 1e3f) {
-      return Wrong(name, absl::StrFormat("vertex %d is at (%g, %g, %g) m; each must be a number from -1000 to 1000",
-                                         v, p.x(), p.y(), p.z()));
-    }
-    if (!(std::abs(mesh.normals[v].norm() - 1) < 1e-3f)) {
-      return Wrong(name, absl::StrFormat("the normal of vertex %d has the length %g, must be 1", v,
-                                         mesh.normals[v].norm()));
+      return Wrong(
+          name, absl::StrFormat(
+                    "vertex %d is at (%g, %g, %g) m; each must be a number from -1000 to 1000", v,
+                    p.x(), p.y(), p.z()));
     }
     if (!mesh.uvs.empty() && !mesh.uvs[v].allFinite()) {
       return Wrong(name, absl::StrFormat("the texture coordinates of vertex %d are no numbers", v));
@@ -116,8 +116,14 @@ absl::Status CheckMesh(const Mesh& mesh, const std::string& name) {
     const Vec3f &a = mesh.vertices[triangle[0]], &b = mesh.vertices[triangle[1]],
                 &c = mesh.vertices[triangle[2]];
     if (!((b - a).cast<double>().cross((c - a).cast<double>()).norm() > 0)) {
-      return Wrong(name, absl::StrFormat("triangle %d (vertices %d, %d, %d) has no area", t, triangle[0],
-                                         triangle[1], triangle[2]));
+      return Wrong(name, absl::StrFormat("triangle %d (vertices %d, %d, %d) has no area", t,
+                                         triangle[0], triangle[1], triangle[2]));
+    }
+  }
+  for (size_t v = 0; v < mesh.normals.size(); ++v) {
+    if (!(std::abs(mesh.normals[v].norm() - 1) < 1e-3f)) {
+      return Wrong(name, absl::StrFormat("the normal of vertex %d has the length %g, must be 1", v,
+                                         mesh.normals[v].norm()));
     }
   }
   for (size_t i = 0; i < mesh.placements.size(); ++i) {
@@ -126,7 +132,8 @@ absl::Status CheckMesh(const Mesh& mesh, const std::string& name) {
     const bool similar = mesh.placements[i].matrix().allFinite() && m.determinant() > 0 &&
                          (square - scale * Eigen::Matrix3f::Identity()).norm() < 1e-3f * scale;
     if (!similar) {
-      return Wrong(name, absl::StrFormat("placement %d is no rotation with one scale for all axes", i));
+      return Wrong(name,
+                   absl::StrFormat("placement %d is no rotation with one scale for all axes", i));
     }
   }
   return absl::OkStatus();
@@ -141,7 +148,8 @@ absl::Status CheckScene(const SceneDescription& description) {
   }
   auto check_index = [materials](const std::string& name, int material) {
     if (material >= 0 && material < materials) return absl::OkStatus();
-    return Wrong(name, absl::StrFormat("it has the material %d; there are only %d", material, materials));
+    return Wrong(name,
+                 absl::StrFormat("it has the material %d; there are only %d", material, materials));
   };
   for (size_t i = 0; i < description.meshes.size(); ++i) {
     const Mesh& mesh = description.meshes[i];
@@ -155,8 +163,10 @@ absl::Status CheckScene(const SceneDescription& description) {
     const std::string name = absl::StrCat("ball ", i);
     RETURN_IF_ERROR(check_index(name, ball.material));
     if (!ball.center.allFinite() || !(ball.radius >= 1e-4f && ball.radius <= 1e3f)) {
-      return Wrong(name, absl::StrFormat("its radius is %g m at (%g, %g, %g); must be a number from 0.0001 to 1000",
-                                         ball.radius, ball.center.x(), ball.center.y(), ball.center.z()));
+      return Wrong(name,
+                   absl::StrFormat(
+                       "its radius is %g m at (%g, %g, %g); must be a number from 0.0001 to 1000",
+                       ball.radius, ball.center.x(), ball.center.y(), ball.center.z()));
     }
   }
   return absl::OkStatus();

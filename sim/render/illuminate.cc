@@ -89,8 +89,8 @@ DiscLight LampLight(const BraceGeometry& brace, int lamp, Angle azimuth, double 
   return light;
 }
 
-LensLight ProjectorLight(const ProjectorGeometry& projector, const LensOptions& lens, const Pose& pose,
-                         double intensity_w_sr, uint64_t seed) {
+LensLight ProjectorLight(const ProjectorGeometry& projector, const LensOptions& lens,
+                         const Pose& pose, double intensity_w_sr, uint64_t seed) {
   const ViewFrame frame = ProjectorFrame(projector, pose);
   LensLight light;
   Copy(frame.position, light.position);
@@ -115,7 +115,8 @@ Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light,
   ForRows(paths.height(), [&](int y) {
     const Paths::Row& vertices = paths.row(y);
     const Contributions add(vertices.count);
-    BestKernels().disc({scene.handle(), parts}, vertices.arrays, light, vertices.count, add.r, add.g, add.b);
+    BestKernels().disc({scene.handle(), parts}, vertices.arrays, light, vertices.count, add.r,
+                       add.g, add.b);
     const std::vector<float> shares = Shares(paths, y, parts);
     std::span<float> row = image.row(y);
     for (int x = 0; x < paths.width(); ++x) {
@@ -146,8 +147,8 @@ ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const Lens
     const Contributions add(ways * vertices.count);
     thread_local std::vector<uint32_t> pixels;
     pixels.resize(ways * vertices.count);
-    BestKernels().lens({scene.handle(), parts}, vertices.arrays, light, vertices.count, pixels.data(), add.r,
-                       add.g, add.b);
+    BestKernels().lens({scene.handle(), parts}, vertices.arrays, light, vertices.count,
+                       pixels.data(), add.r, add.g, add.b);
     const std::vector<float> shares = Shares(paths, y, parts);
     Row& row = rows[y];
     row.counts.resize(width);
@@ -158,7 +159,8 @@ ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const Lens
           if (pixels[i] == kUnlit) continue;
           ++row.counts[x];
           row.source.push_back(pixels[i]);
-          row.rgb.insert(row.rgb.end(), {shares[x] * add.r[i], shares[x] * add.g[i], shares[x] * add.b[i]});
+          row.rgb.insert(row.rgb.end(),
+                         {shares[x] * add.r[i], shares[x] * add.g[i], shares[x] * add.b[i]});
         }
       }
     }

@@ -29,12 +29,13 @@ struct LensOptions {
 };
 
 // The projector of the rig at level 1, in the object frame. Pose and seed choose how the vertices' points on the lens are turned.
-LensLight ProjectorLight(const ProjectorGeometry& projector, const LensOptions& lens, const Pose& pose,
-                         double intensity_w_sr, uint64_t seed);
+LensLight ProjectorLight(const ProjectorGeometry& projector, const LensOptions& lens,
+                         const Pose& pose, double intensity_w_sr, uint64_t seed);
 
 // The camera's picture, 3 channels. `parts` of the rig that may stand in the light or before the camera (rig_parts.h), black; null for
 // none.
-Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light, RTCScene parts = nullptr);
+Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light,
+                 RTCScene parts = nullptr);
 
 // The vertices that the projector reaches at one pose: which projector pixel lights each, and what it adds.
 class ProjectorTransport {
@@ -48,8 +49,8 @@ class ProjectorTransport {
   size_t bytes() const;
 
  private:
-  friend ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const LensLight& light,
-                                       RTCScene parts);
+  friend ProjectorTransport Illuminate(const Scene& scene, const Paths& paths,
+                                       const LensLight& light, RTCScene parts);
   int width_ = 0;
   std::vector<uint32_t> first_;   // per camera pixel, and the end: its vertices
   std::vector<uint32_t> source_;  // per vertex: the projector's pixel

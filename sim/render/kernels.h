@@ -29,7 +29,7 @@ struct VertexArrays {
   const float *x, *y, *z;  // just above the surface, where rays start
   // Unit shading normal on the viewer's side; 0 in a medium, and where no light can be connected.
   const float *nx, *ny, *nz;
-  const float* medium;  // 1 for a point inside a scattering medium, else 0
+  const float* medium;           // 1 for a point inside a scattering medium, else 0
   const float *vx, *vy, *vz;     // unit, towards the viewer: where the path comes from
   const float *tr, *tg, *tb;     // throughput from the viewer to here
   const float *dr, *dg, *db;     // diffuse albedo; of a medium: of one scattering
@@ -60,9 +60,9 @@ struct DiscLight {
 struct LensLight {
   float position[3];  // the lens' middle
   float right[3], down[3], forward[3];
-  float u[3], v[3];  // its radius along two axes across; 0: a pinhole
-  float radius;      // ≥ 0
-  float focus;       // distance of the plane in focus, along the axis; > 0
+  float u[3], v[3];    // its radius along two axes across; 0: a pinhole
+  float radius;        // ≥ 0
+  float focus;         // distance of the plane in focus, along the axis; > 0
   float tan_x, tan_y;  // of the half angles
   int32_t width, height;
   float intensity;  // W/sr along the axis
@@ -82,16 +82,16 @@ struct Kernels {
   const char* name;
   // What the light adds, by way of each of `count` vertices (a multiple of kLanes), to the radiance that the viewer sees,
   // W/(m²·sr).
-  void (*disc)(const Blockers& blockers, const VertexArrays& vertices, const DiscLight& light, size_t count,
-               float* r, float* g, float* b);
+  void (*disc)(const Blockers& blockers, const VertexArrays& vertices, const DiscLight& light,
+               size_t count, float* r, float* g, float* b);
   // Likewise with the projector all white, and the projector's pixel (row · width + column) that lights each vertex; kUnlit where
   // none does. Vertex i has two places: i for light by connection, and, only if the radius is not 0, count + i for what its next ray
   // meets.
   void (*lens)(const Blockers& blockers, const VertexArrays& vertices, const LensLight& light,
                size_t count, uint32_t* pixel, float* r, float* g, float* b);
   // By connection only: what the next rays meet is for the caller to add, with the balance heuristic.
-  void (*far)(const Blockers& blockers, const VertexArrays& vertices, const FarLight& light, size_t count,
-              float* r, float* g, float* b);
+  void (*far)(const Blockers& blockers, const VertexArrays& vertices, const FarLight& light,
+              size_t count, float* r, float* g, float* b);
 };
 
 const Kernels& BaselineKernels();

@@ -53,7 +53,14 @@ class PixelPoints {
 
 // The dimensions of a path: the pixel's, then these for every vertex.
 constexpr uint32_t kPixelDimension = 0;
-enum VertexDimension : uint32_t { kDirection = 1, kDisc, kChoice, kRoulette, kDistance, kVertexDimensions };
+enum VertexDimension : uint32_t {
+  kDirection = 1,
+  kDisc,
+  kChoice,
+  kRoulette,
+  kDistance,
+  kVertexDimensions
+};
 uint32_t Dimension(int depth, VertexDimension d) {
   return static_cast<uint32_t>(depth) * kVertexDimensions + d;
 }
@@ -137,8 +144,11 @@ struct Path {
   bool last;        // only to learn how far the ray goes
   uint32_t vertex;  // that the ray comes from; kNone: the camera, and nothing is kept of it
   const Material* medium = nullptr;  // that it goes through
-  float travelled = 0;               // from the vertex to the ray's origin: boundaries of media were passed
-  uint32_t crossings = 0;            // how many
+  float narrowed =
+      1;  // part of the throughput that glass takes on entering and gives back on leaving
+  float travelled = 0;     // from the vertex to the ray's origin: boundaries of media were passed
+  uint32_t crossings = 0;  // how many …
+  float near = 0;          // … and then the ray must not meet the last one again
 };
 constexpr uint32_t kNone = 0xffffffffu;
 
@@ -209,7 +219,7 @@ class RowTracer {
         ray.ray.dir_x[k] = path.direction.x();
         ray.ray.dir_y[k] = path.direction.y();
         ray.ray.dir_z[k] = path.direction.z();
-        ray.ray.tnear[k] = 0;
+        ray.ray.tnear[k] = path.near;
         ray.ray.tfar[k] = kInfinity;
         ray.ray.time[k] = 0;
         ray.ray.mask[k] = ~0u;
@@ -230,9 +240,10 @@ class RowTracer {
     float length = met ? ray.ray.tfar[k] : kInfinity;
     bool scattered = false;
     if (path.medium != nullptr) {
-      const float u = PointsOf(path.x)
-                          .At(Dimension(path.depth, kDistance) + (path.crossings << 16), path.sample)
-                          .x;
+      const float u =
+          PointsOf(path.x)
+              .At(Dimension(path.depth, kDistance) + (path.crossings << 16), path.sample)
+              .x;
       const float free = -std::log(1 - u) / path.medium->extinction;
       scattered = free < length;
       length = std::min(free, length);
@@ -240,8 +251,9 @@ class RowTracer {
     const Vec3f point = path.origin + (std::isfinite(length) ? length : 0.0f) * path.direction;
     std::optional<Scene::Hit> hit;
     if (met && !scattered) {
-      hit = scene_.Resolve(ray.hit.instID[0][k], ray.hit.geomID[k], ray.hit.primID[k], ray.hit.u[k],
-                           ray.hit.v[k], point, path.direction);
+      hit = scene_.Resolve({path.origin, path.direction},
+                           {ray.hit.instID[0][k], ray.hit.geomID[k], ray.hit.primID[k],
+                            ray.hit.u[k], ray.hit.v[k], length});
       if (hit->material->kind == Material::Kind::kMedium && path.crossings < kMostCrossings) {
         return Cross(path, *hit, length);
       }
@@ -250,7 +262,8 @@ class RowTracer {
     if (path.vertex != kNone) vertices_[path.vertex].reach = reach;
     met = met || scattered;
     if (path.vertex == kNone && !Clear(path, met, length)) {
-      Vertex camera = Origin(path.origin - path.travelled * path.direction, path.direction, path.throughput);
+      Vertex camera =
+          Origin(path.origin - path.travelled * path.direction, path.direction, path.throughput);
       camera.reach = reach;
       Keep(camera, path.x);
     }
@@ -271,7 +284,8 @@ class RowTracer {
   // On through the boundary of a medium, still on the way from the same vertex.
   void Cross(const Path& path, const Scene::Hit& hit, float length) {
     Path on = path;
-    on.origin = hit.point - kLift * hit.face;
+    on.origin = hit.point;
+    on.near = kLift;
     on.medium = hit.outside ? hit.material : nullptr;
     on.travelled += length;
     ++on.crossings;
@@ -293,7 +307,8 @@ class RowTracer {
     v.disc_y = disc.y;
     if (path.depth < options_.bounces) {
       const Point2 u = points.At(Dimension(path.depth, kDirection), path.sample);
-      const float cosine = ScatteringCosine(v.roughness, u.x), angle = 2 * std::numbers::pi_v<float> * u.y;
+      const float cosine = ScatteringCosine(v.roughness, u.x),
+                  angle = 2 * std::numbers::pi_v<float> * u.y;
       const float sine = std::sqrt(std::max(0.0f, 1 - cosine * cosine));
       v.next = Frame3(path.direction)
                    .ToWorld({sine * std::cos(angle), sine * std::sin(angle), cosine})
@@ -399,6 +414,7 @@ class RowTracer {
     const float reflectance = Fresnel(cosine, n1, n2, &other);
     Vec3f direction, position = hit.point;
     Rgb throughput = path.throughput;
+    float narrowing = 1;
     if (points.At(Dimension(path.depth, kChoice), path.sample).x < reflectance) {
       direction = d + 2 * cosine * hit.normal;
       position += kLift * hit.face;
@@ -406,25 +422,28 @@ class RowTracer {
       const float ratio = n1 / n2;
       direction = ratio * d + (ratio * cosine - other) * hit.normal;
       position -= kLift * hit.face;
-      throughput *= ratio * ratio * hit.tint;  // radiance is narrowed on its way into the denser side
+      narrowing = ratio * ratio;  // radiance is narrowed on its way into the denser side
+      throughput *= narrowing * hit.tint;
     }
-    GoOn(path, Keep(Origin(position, direction.normalized(), throughput), path.x), points);
+    GoOn(path, Keep(Origin(position, direction.normalized(), throughput), path.x), points,
+         narrowing);
   }
 
   // Sends the path along the next ray of `vertex`, if it is to have one.
-  void GoOn(const Path& path, uint32_t vertex, const PixelPoints& points) {
+  void GoOn(const Path& path, uint32_t vertex, const PixelPoints& points, float narrowing = 1) {
     const Vertex& v = vertices_[vertex];
     Rgb throughput = v.behind;
     if (!(throughput > 0).any()) return;
     bool last = path.depth >= options_.bounces;
     if (!last && path.depth >= kRouletteFrom) {
-      const float survival = std::clamp(throughput.maxCoeff(), 0.05f, 1.0f);
+      const float survival =
+          std::clamp(throughput.maxCoeff() / (path.narrowed * narrowing), 0.05f, 1.0f);
       if (points.At(Dimension(path.depth, kRoulette), path.sample).x >= survival) last = true;
       throughput /= survival;
     }
     if (last && v.pdf == 0) return;
-    going_.push_back({v.position, v.next, throughput, path.x, path.sample, path.depth + 1, last, vertex,
-                      path.medium});
+    going_.push_back({v.position, v.next, throughput, path.x, path.sample, path.depth + 1, last,
+                      vertex, path.medium, path.narrowed * narrowing});
   }
 
   const Scene& scene_;
@@ -441,6 +460,13 @@ class RowTracer {
 }  // namespace
 
 void Paths::Row::Free::operator()(float* p) const { ::operator delete[](p, kAlignment); }
+
+size_t PathBytes(int width, int height, int samples, int bounces) {
+  // Long paths end early, by leaving the scene or by roulette.
+  constexpr int kVertices = 4;
+  const auto vertices = static_cast<size_t>(1 + std::min(bounces, kVertices - 1));
+  return static_cast<size_t>(width) * height * samples * vertices * kVertexFloats * sizeof(float);
+}
 
 Paths::Paths(const Scene& scene, const CameraGeometry& camera, int width, int height,
              const PathOptions& options)

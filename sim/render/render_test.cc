@@ -39,10 +39,11 @@ Scene StillLife() {
   Mesh top = Floor(0.3f, 0), ball = Sphere({-0.04f, 0.01f, 0.05f}, 0.05f), post = pillar;
   ball.material = 1;
   post.material = 2;
-  return BuildScene({top, ball, post},
-                    {{.diffuse = Rgb(0.6f, 0.5f, 0.4f)},
-                     {.diffuse = Rgb(0.5f, 0.02f, 0.02f), .specular = Rgb::Constant(0.05f), .roughness = 0.1f},
-                     {.specular = Rgb(0.9f, 0.7f, 0.3f), .roughness = 0.2f}});
+  return BuildScene(
+      {top, ball, post},
+      {{.diffuse = Rgb(0.6f, 0.5f, 0.4f)},
+       {.diffuse = Rgb(0.5f, 0.02f, 0.02f), .specular = Rgb::Constant(0.05f), .roughness = 0.1f},
+       {.specular = Rgb(0.9f, 0.7f, 0.3f), .roughness = 0.2f}});
 }
 
 bool SameBytes(const Image& a, const Image& b) {
@@ -262,8 +263,8 @@ TEST(Transport, BothKernelsAgree) {
     for (int y = 0; y < paths.height(); ++y) {
       const Paths::Row& row = paths.row(y);
       std::vector<float> rgb(3 * row.count);
-      kernels.disc({scene.handle(), nullptr}, row.arrays, light, row.count, &rgb[0], &rgb[row.count],
-                   &rgb[2 * row.count]);
+      kernels.disc({scene.handle(), nullptr}, row.arrays, light, row.count, &rgb[0],
+                   &rgb[row.count], &rgb[2 * row.count]);
       all.insert(all.end(), rgb.begin(), rgb.end());
     }
     return all;

@@ -1,6 +1,7 @@
 #include "sim/render/rig_parts.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "sim/render/shapes.h"
 #include "sim/render/triangles.h"
@@ -13,7 +14,8 @@ constexpr double kGap = 1e-3;  // between a light or a pinhole and the body behi
 // A box behind a device at `frame.position`.
 Mesh BodyBehind(const ViewFrame& frame, double width, double height, double length) {
   Eigen::Affine3f to_frame;
-  to_frame.linear() << frame.right.cast<float>(), -frame.down.cast<float>(), -frame.forward.cast<float>();
+  to_frame.linear() << frame.right.cast<float>(), -frame.down.cast<float>(),
+      -frame.forward.cast<float>();
   to_frame.translation() = (frame.position - (kGap + length / 2) * frame.forward).cast<float>();
   return Transformed(
       Box(Vec3f::Zero(), 0.5f * Vec3f(static_cast<float>(width), static_cast<float>(height),
@@ -35,12 +37,14 @@ std::vector<Mesh> Brace(const BraceGeometry& brace, double bar) {
                bar_radius = radius + housing + bar / 2;
   for (size_t i = 0; i < brace.lamps.size(); ++i) {
     const Vec3 direction = LampDirection(brace.lamps[i], Degrees(0));
-    AddRod((radius + kGap) * direction, (radius + housing) * direction, 2 * brace.lamp_radius.meters(), &parts);
+    AddRod((radius + kGap) * direction, (radius + housing) * direction,
+           2 * brace.lamp_radius.meters(), &parts);
     if (i == 0) continue;
     const Vec3 before = LampDirection(brace.lamps[i - 1], Degrees(0));
     // Lamps one by one, anywhere, have no bar in common.
     constexpr double kNeighbours = 0.7;  // cosine
-    if (direction.dot(before) > kNeighbours) AddRod(bar_radius * before, bar_radius * direction, bar, &parts);
+    if (direction.dot(before) > kNeighbours)
+      AddRod(bar_radius * before, bar_radius * direction, bar, &parts);
   }
   return parts;
 }
@@ -50,7 +54,9 @@ std::vector<Mesh> Brace(const BraceGeometry& brace, double bar) {
 std::vector<Mesh> CameraBody(const CameraGeometry& camera, const PartOptions& options) {
   const double width = options.camera_body;
   if (width <= 0) return {};
-  return {BodyBehind(CameraFrame(camera), width, width, 2 * width)};
+  Mesh body = BodyBehind(CameraFrame(camera), width, width, 2 * width);
+  body.name = "the camera's body";
+  return {std::move(body)};
 }
 
 RigParts::RigParts(const RigGeometry& geometry, const PartOptions& options)
@@ -79,7 +85,8 @@ std::unique_ptr<RTCSceneTy, RigParts::Release> RigParts::At(const Pose& pose) co
     for (const double sign : {-1.0, 1.0}) {
       const Vec3 axis = sign * side * frame.right, top = axis + frame.position;
       AddRod(axis, top, bar, &parts);
-      AddRod(top, frame.position - (kGap + bar) * frame.forward + sign * width / 2 * frame.right, bar, &parts);
+      AddRod(top, frame.position - (kGap + bar) * frame.forward + sign * width / 2 * frame.right,
+             bar, &parts);
     }
   }
   std::unique_ptr<RTCSceneTy, Release> scene(rtcNewScene(device_));

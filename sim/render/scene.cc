@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -24,19 +23,36 @@ void PassMedium(const RTCFilterFunctionNArguments* args) {
   auto* shadow = reinterpret_cast<ShadowContext*>(args->context);
   for (unsigned int i = 0; i < args->N; ++i) {
     if (args->valid[i] == 0) continue;
-    const float leaving = RTCHitN_Ng_x(args->hit, args->N, i) * RTCRayN_dir_x(args->ray, args->N, i) +
-                          RTCHitN_Ng_y(args->hit, args->N, i) * RTCRayN_dir_y(args->ray, args->N, i) +
-                          RTCHitN_Ng_z(args->hit, args->N, i) * RTCRayN_dir_z(args->ray, args->N, i);
+    const float leaving =
+        RTCHitN_Ng_x(args->hit, args->N, i) * RTCRayN_dir_x(args->ray, args->N, i) +
+        RTCHitN_Ng_y(args->hit, args->N, i) * RTCRayN_dir_y(args->ray, args->N, i) +
+        RTCHitN_Ng_z(args->hit, args->N, i) * RTCRayN_dir_z(args->ray, args->N, i);
     const float depth = material->extinction * RTCRayN_tfar(args->ray, args->N, i);
     shadow->optical_depth[RTCRayN_id(args->ray, args->N, i)] += leaving > 0 ? depth : -depth;
     args->valid[i] = 0;
   }
 }
 
+// How often the mesh goes around a point: 1 within a closed mesh, 0 outside of it, −1 in a room whose walls face inwards, something in
+// between near an open one (Jacobson, Kavan, Sorkine-Hornung, "Robust Inside-Outside Segmentation using Generalized Winding Numbers",
+// 2013). The solid angles of the triangles after van Oosterom and Strackee, 1983.
+double WindingNumber(const Mesh& mesh, const Eigen::Vector3d& point) {
+  double sum = 0;
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3d a = mesh.vertices[t[0]].cast<double>() - point,
+                          b = mesh.vertices[t[1]].cast<double>() - point,
+                          c = mesh.vertices[t[2]].cast<double>() - point;
+    const double la = a.norm(), lb = b.norm(), lc = c.norm();
+    sum += 2 * std::atan2(a.dot(b.cross(c)),
+                          la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+  }
+  return sum / (4 * std::numbers::pi);
+}
+
 RTCGeometry MakeBall(RTCDevice device, const Ball& ball) {
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
-  auto* point = static_cast<float*>(
-      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, 4 * sizeof(float), 1));
+  auto* point = static_cast<float*>(rtcSetNewGeometryBuffer(
+      geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, 4 * sizeof(float), 1));
   if (point != nullptr) {
     for (int c = 0; c < 3; ++c) point[c] = ball.center[c];
     point[3] = ball.radius;
@@ -97,7 +113,8 @@ void Scene::Attach() {
     for (const Eigen::Affine3f& placement : mesh.placements) {
       RTCGeometry instance = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE);
       rtcSetGeometryInstancedScene(instance, once);
-      rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR, placement.matrix().data());
+      rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR,
+                              placement.matrix().data());
       CommitTo(scene_, instance);
       geometries_.push_back({.mesh = static_cast<int>(i), .placement = placement, .placed = true});
     }
@@ -122,24 +139,36 @@ Scene::~Scene() {
   if (device_ != nullptr) rtcReleaseDevice(device_);
 }
 
-Scene::Hit Scene::Resolve(uint32_t instance, uint32_t geometry_index, uint32_t triangle, float u, float v,
-                          const Vec3f& point, const Vec3f& direction) const {
-  const Geometry& geometry =
-      geometries_[instance != RTC_INVALID_GEOMETRY_ID ? instance : geometry_index];
+// Near the edge Embree's single precision may put the point on the wrong side of it.
+void Scene::ResolveBall(const Ball& ball, const Ray& ray, float distance, Hit* hit) const {
+  const Eigen::Vector3d direction = ray.direction.cast<double>().normalized(),
+                        from = (ray.origin - ball.center).cast<double>();
+  const double middle = -from.dot(direction);  // where the ray is nearest to the centre
+  const double off = from.squaredNorm() - middle * middle;
+  const double half = std::sqrt(std::max(0.0, double{ball.radius} * ball.radius - off));
+  hit->outside = distance < middle;
+  const double there = hit->outside ? middle - half : middle + half;
+  const Eigen::Vector3d normal = (from + there * direction).normalized();
+  hit->point = ball.center + ball.radius * normal.cast<float>();
+  hit->face = hit->normal = (hit->outside ? normal : -normal).cast<float>();
+}
+
+Scene::Hit Scene::Resolve(const Ray& ray, const Found& found) const {
+  const Geometry& geometry = GeometryOf(found);
   Hit hit;
   SurfacePoint at;
   int material;
   if (geometry.ball >= 0) {
     const Ball& ball = description_->balls[geometry.ball];
-    hit.normal = hit.face = (point - ball.center).normalized();
-    hit.point = ball.center + ball.radius * hit.normal;
-    at.uv = Vec2f(std::atan2(hit.normal.y(), hit.normal.x()) / (2 * kPi) + 0.5f,
-                  std::acos(std::clamp(-hit.normal.z(), -1.0f, 1.0f)) / kPi);
+    ResolveBall(ball, ray, found.distance, &hit);
+    const Vec3f outward = hit.outside ? hit.normal : Vec3f(-hit.normal);
+    at.uv = Vec2f(std::atan2(outward.y(), outward.x()) / (2 * kPi) + 0.5f,
+                  std::acos(std::clamp(-outward.z(), -1.0f, 1.0f)) / kPi);
     material = ball.material;
   } else {
     const Mesh& mesh = description_->meshes[geometry.mesh];
-    const auto& t = mesh.triangles[triangle];
-    const float w = 1 - u - v;
+    const auto& t = mesh.triangles[found.triangle];
+    const float u = found.u, v = found.v, w = 1 - u - v;
     const Vec3f &a = mesh.vertices[t[0]], &b = mesh.vertices[t[1]], &c = mesh.vertices[t[2]];
     hit.point = w * a + u * b + v * c;
     hit.face = (b - a).cross(c - a);
@@ -153,12 +182,12 @@ Scene::Hit Scene::Resolve(uint32_t instance, uint32_t geometry_index, uint32_t t
     }
     hit.face.normalize();
     hit.normal.normalize();
+    hit.outside = hit.face.dot(ray.direction) <= 0;
+    if (!hit.outside) {
+      hit.face = -hit.face;
+      hit.normal = -hit.normal;
+    }
     material = mesh.material;
-  }
-  hit.outside = hit.face.dot(direction) <= 0;
-  if (!hit.outside) {
-    hit.face = -hit.face;
-    hit.normal = -hit.normal;
   }
   at.position = hit.point;
   hit.material = &description_->materials[material];
@@ -175,50 +204,28 @@ std::string Scene::NameOf(const Geometry& geometry) const {
   return name.empty() ? absl::StrCat("mesh ", geometry.mesh) : name;
 }
 
-absl::Status Scene::CheckOutside(const Vec3f& point, const std::string& what) const {
-  // A ray from within leaves more closed shapes than it enters. Three rays must agree: one may slip through a hole or along an edge.
-  const Vec3f directions[] = {
-      {0.2672f, 0.5345f, 0.8018f}, {-0.8729f, 0.4364f, 0.2182f}, {0.1231f, -0.8616f, 0.4924f}};
-  std::string name;
-  for (const Vec3f& direction : directions) {
-    int left = 0;
-    std::string nearest;
-    Vec3f origin = point;
-    constexpr int kMostSurfaces = 1000;
-    for (int i = 0; i < kMostSurfaces; ++i) {
-      RTCIntersectContext context;
-      rtcInitIntersectContext(&context);
-      RTCRayHit ray;
-      ray.ray = {};
-      ray.ray.org_x = origin.x();
-      ray.ray.org_y = origin.y();
-      ray.ray.org_z = origin.z();
-      ray.ray.dir_x = direction.x();
-      ray.ray.dir_y = direction.y();
-      ray.ray.dir_z = direction.z();
-      ray.ray.tfar = std::numeric_limits<float>::infinity();
-      ray.ray.mask = ~0u;
-      ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-      ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-      rtcIntersect1(scene_, &context, &ray);
-      if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) break;
-      const Vec3f there = origin + ray.ray.tfar * direction;
-      const Hit hit = Resolve(ray.hit.instID[0], ray.hit.geomID, ray.hit.primID, ray.hit.u, ray.hit.v, there,
-                              direction);
-      left += hit.outside ? -1 : 1;
-      if (left > 0 && nearest.empty()) {
-        nearest = NameOf(
-            geometries_[ray.hit.instID[0] != RTC_INVALID_GEOMETRY_ID ? ray.hit.instID[0] : ray.hit.geomID]);
-      }
-      origin = there + 1e-5f * direction;
-    }
-    if (left <= 0) return absl::OkStatus();
-    name = nearest;
+bool Scene::Encloses(const Geometry& geometry, const Vec3f& point) const {
+  if (geometry.ball >= 0) {
+    const Ball& ball = description_->balls[geometry.ball];
+    return (point - ball.center).norm() < ball.radius;
   }
-  return Error(absl::StatusCode::kFailedPrecondition, "INSIDE_OBJECT",
-               absl::StrCat(what, " at (", point.x(), ", ", point.y(), ", ", point.z(),
-                            ") m stands inside of ", name, ": move it or the object"),
-               {{"shape", name}});
+  const Mesh& mesh = description_->meshes[geometry.mesh];
+  const Vec3f own = geometry.placed ? Vec3f(geometry.placement.inverse() * point) : point;
+  Eigen::AlignedBox3f box;
+  for (const Vec3f& v : mesh.vertices) box.extend(v);
+  return box.contains(own) && WindingNumber(mesh, own.cast<double>()) > 0.5;
+}
+
+absl::Status Scene::CheckOutside(const Vec3f& point, const std::string& what) const {
+  for (const Geometry& geometry : geometries_) {
+    if (!Encloses(geometry, point)) continue;
+    const std::string name = NameOf(geometry);
+    return Error(absl::StatusCode::kFailedPrecondition, "INSIDE_OBJECT",
+                 absl::StrCat(what, " at (", point.x(), ", ", point.y(), ", ", point.z(),
+                              ") m stands inside of ", name, ": move it or the object"),
+                 {{"shape", name}});
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace lightstage::sim

@@ -24,8 +24,9 @@ using Rgb = Eigen::Array3f;
 
 // Where a texture is looked up.
 struct SurfacePoint {
-  Vec3f position;                // object frame
-  Vec2f uv = Vec2f::Zero();      // the mesh's own; a ball's: azimuth and height, each [0,1]; (0, 0) where there is none
+  Vec3f position;  // object frame
+  Vec2f uv = Vec2f::
+      Zero();  // the mesh's own; a ball's: azimuth and height, each [0,1]; (0, 0) where there is none
 };
 
 struct Material {
@@ -42,16 +43,17 @@ struct Material {
   float roughness = 1;         // GGX α, [0.01,1]
   float ior = 1.5f;            // [1,4]
   float extinction = 0;        // of a medium, 1/m: the inverse of its mean free path
-  float anisotropy = 0;        // of a medium: mean cosine of the scattering angle (Henyey-Greenstein), (−1,1)
+  float anisotropy =
+      0;  // of a medium: mean cosine of the scattering angle (Henyey-Greenstein), (−1,1)
   // Multiplies the colour: `diffuse` and, if that is black or there is none, `specular`; what glass lets through. None: 1.
   std::function<Rgb(const SurfacePoint&)> texture;
 };
 
 struct Mesh {
-  std::string name;             // for errors
+  std::string name;  // for errors
   std::vector<Vec3f> vertices;
-  std::vector<Vec3f> normals;   // unit, outward, one per vertex; interpolated for shading
-  std::vector<Vec2f> uvs;       // one per vertex, or none
+  std::vector<Vec3f> normals;  // unit, outward, one per vertex; interpolated for shading
+  std::vector<Vec2f> uvs;      // one per vertex, or none
   std::vector<std::array<uint32_t, 3>> triangles;  // counterclockwise seen from outside
   int material = 0;
   // Where it stands, as instances of one structure in memory; none: once, as it is. Similarities only (rotation, translation, one
@@ -87,17 +89,23 @@ class Scene {
 
   // What a ray meets first.
   struct Hit {
-    Vec3f point;   // on the surface
-    Vec3f face;    // unit normal of the triangle, towards the ray's origin
-    Vec3f normal;  // unit shading normal, on the same side
+    Vec3f point;            // on the surface
+    Vec3f face;             // unit normal of the triangle, towards the ray's origin
+    Vec3f normal;           // unit shading normal, on the same side
     Rgb diffuse, specular;  // texture applied
     Rgb tint;               // the texture
     const Material* material;
     bool outside;  // the ray comes from the outer side of the shape
   };
-  // What Embree found at `point`, where. `direction`: the ray's, of any length.
-  Hit Resolve(uint32_t instance, uint32_t geometry, uint32_t triangle, float u, float v, const Vec3f& point,
-              const Vec3f& direction) const;
+  struct Ray {
+    Vec3f origin, direction;  // unit
+  };
+  // What Embree found there.
+  struct Found {
+    uint32_t instance, geometry, triangle;  // RTC_INVALID_GEOMETRY_ID if not an instance
+    float u, v, distance;
+  };
+  Hit Resolve(const Ray& ray, const Found& found) const;
 
   // FAILED_PRECONDITION / INSIDE_OBJECT naming the shape, if `what` stands at a point inside a closed one: it would see it from
   // within.
@@ -113,6 +121,11 @@ class Scene {
 
   Scene() = default;
   void Attach();
+  const Geometry& GeometryOf(const Found& found) const {
+    return geometries_[found.instance != RTC_INVALID_GEOMETRY_ID ? found.instance : found.geometry];
+  }
+  void ResolveBall(const Ball& ball, const Ray& ray, float distance, Hit* hit) const;
+  bool Encloses(const Geometry& geometry, const Vec3f& point) const;
   std::string NameOf(const Geometry& geometry) const;
 
   std::unique_ptr<SceneDescription> description_;  // in one place: Embree points into it

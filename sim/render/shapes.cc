@@ -149,7 +149,8 @@ Mesh Rod(const Vec3f& from, const Vec3f& to, float radius, int sides) {
   const Vec3f along = to - from;
   Eigen::Affine3f transform(Eigen::Quaternionf::FromTwoVectors(Vec3f::UnitZ(), along));
   transform.pretranslate(from);
-  return Transformed(Lathe(Vec3f::Zero(), {{radius, 0.0f}, {radius, along.norm()}}, sides), transform);
+  return Transformed(Lathe(Vec3f::Zero(), {{radius, 0.0f}, {radius, along.norm()}}, sides),
+                     transform);
 }
 
 Mesh Transformed(Mesh mesh, const Eigen::Affine3f& transform) {

@@ -4,10 +4,15 @@
 #include <cassert>
 #include <limits>
 
+#include "sim/render/environment_light.h"
+
 namespace lightstage::sim {
 
 Transport::Transport(Scene scene, const RigGeometry& geometry, const TransportOptions& options)
-    : scene_(std::move(scene)), geometry_(geometry), options_(options), parts_(geometry, options.parts) {}
+    : scene_(std::move(scene)),
+      geometry_(geometry),
+      options_(options),
+      parts_(geometry, options.parts) {}
 
 std::shared_ptr<const Paths> Transport::GetPaths(FilmSize size) {
   MutexLock lock(&paths_mutex_);
@@ -20,7 +25,8 @@ std::shared_ptr<const Paths> Transport::GetPaths(FilmSize size) {
     const BraceGeometry& brace = geometry_.brace;
     double clear = std::numeric_limits<double>::infinity();
     if (!brace.lamps.empty()) clear = brace.radius.meters();
-    if (options_.lens.radius > Meters(0)) clear = std::min(clear, geometry_.projector.distance.meters());
+    if (options_.lens.radius > Meters(0))
+      clear = std::min(clear, geometry_.projector.distance.meters());
     options.clear_radius = static_cast<float>(clear - 1e-3);
     paths = std::make_shared<Paths>(scene_, geometry_.camera, size.width, size.height, options);
   }
@@ -33,11 +39,21 @@ std::shared_ptr<const Image> Transport::Lamp(FilmSize size, const Pose& pose, in
   const Key key{size, lamp, wrapped.azimuth.degrees(), wrapped.tilt.degrees()};
   Value value;
   if (Find(key, &value)) return std::get<std::shared_ptr<const Image>>(value);
-  const DiscLight light = LampLight(geometry_.brace, lamp, wrapped.azimuth, options_.lamp_intensity_w_sr,
-                                    options_.seed);
-  auto image =
-      std::make_shared<const Image>(Illuminate(scene_, *GetPaths(size), light, parts_.At(wrapped).get()));
+  const DiscLight light = LampLight(geometry_.brace, lamp, wrapped.azimuth,
+                                    options_.lamp_intensity_w_sr, options_.seed);
+  auto image = std::make_shared<const Image>(
+      Illuminate(scene_, *GetPaths(size), light, parts_.At(wrapped).get()));
   Store(key, image, image->pixels().size_bytes(), keep);
+  return image;
+}
+
+std::shared_ptr<const Image> Transport::Ambient(FilmSize size) {
+  const Key key{size, kAmbient, 0, 0};
+  Value value;
+  if (Find(key, &value)) return std::get<std::shared_ptr<const Image>>(value);
+  const EnvironmentLight light(*EnvironmentMap::FromImage(Image(2, 1, 1, 1.0f)), Angle());
+  auto image = std::make_shared<const Image>(Illuminate(scene_, *GetPaths(size), light));
+  Store(key, image, image->pixels().size_bytes(), Keep::kYes);
   return image;
 }
 
@@ -45,7 +61,7 @@ std::shared_ptr<const ProjectorTransport> Transport::Projector(FilmSize size, co
                                                                Keep keep) {
   assert(geometry_.projector.present);
   const Pose wrapped{WrapTurn(pose.azimuth), pose.tilt};
-  const Key key{size, -1, wrapped.azimuth.degrees(), wrapped.tilt.degrees()};
+  const Key key{size, kProjector, wrapped.azimuth.degrees(), wrapped.tilt.degrees()};
   Value value;
   if (Find(key, &value)) return std::get<std::shared_ptr<const ProjectorTransport>>(value);
   const LensLight light = ProjectorLight(geometry_.projector, options_.lens, wrapped,

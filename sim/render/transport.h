@@ -33,7 +33,8 @@ struct TransportOptions {
   double lamp_intensity_w_sr = 10;         // each lamp at level 1, along its axis; Lambertian
   double projector_intensity_w_sr = 10;    // along its axis, at pattern value 1
   LensOptions lens;                        // the projector's
-  PartOptions parts;                       // of the rig, that stand in the light; the camera's body is for the scene to have
+  PartOptions
+      parts;  // of the rig, that stand in the light; the camera's body is for the scene to have
 };
 
 struct FilmSize {
@@ -52,6 +53,8 @@ class Transport {
 
   // Radiance, W/(m²·sr), 3 channels, under one lamp at level 1. The tilt matters only if a gantry stands in the light.
   std::shared_ptr<const Image> Lamp(FilmSize size, const Pose& pose, int lamp, Keep keep);
+  // Under light of radiance 1 from all around.
+  std::shared_ptr<const Image> Ambient(FilmSize size);
   // The rig must have a projector.
   std::shared_ptr<const ProjectorTransport> Projector(FilmSize size, const Pose& pose, Keep keep);
 
@@ -61,7 +64,8 @@ class Transport {
   uint64_t traced() const;
 
  private:
-  // Lamp ≥ 0, or −1 for the projector. Azimuths are wrapped, so that a turn later is the same pose.
+  // Lamp ≥ 0, kProjector or kAmbient. Azimuths are wrapped, so that a turn later is the same pose.
+  static constexpr int kProjector = -1, kAmbient = -2;
   struct Key {
     FilmSize size;
     int lamp;

@@ -409,8 +409,13 @@ TEST(RigFile, WrongValuesAreNamed) {
       {"[tilt]\nmin_deg = 50\nmax_deg = 40", "min_deg"},
       {"[lamps]\nsettle = 3", "settle"},
       {"[simulation]\nscene = \"teapot\"", "scene"},
-      {"[simulation]\nresponse = \"table\"\nresponse_table = [0, 0.5, 0.4]", "response_table"},
-      {"[simulation]\nresponse_gamma = 2", "response_gamma"},
+      {"[simulation.sensor]\nresponse = \"table\"\nresponse_table = [0, 0.5, 0.4]",
+       "response_table"},
+      {"[simulation.sensor]\nresponse_gamma = 2", "response_gamma"},
+      {"[simulation.lamps]\ncolor = [1, 1]", "color"},
+      {"[[simulation.lamps.dim]]\nlamp = 1\n[[simulation.lamps.dim]]\nlamp = 1",
+       "lamp 1 is dim already"},
+      {"[simulation.projector]\ncontrast = 1", "contrast"},
       {"[simulation.faults]\naxis_stall_at_move = -1", "axis_stall_at_move"},
   };
   for (const auto& [text, key] : bad) {

@@ -1,11 +1,13 @@
 #include "sim/rig/drivers.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "base/mutex.h"
 #include "base/status.h"
 #include "sim/render/paths.h"
@@ -13,6 +15,7 @@
 #include "sim/rig/sim_camera.h"
 #include "sim/rig/sim_lamps.h"
 #include "sim/rig/sim_projector.h"
+#include "sim/scenes/scenes.h"
 
 namespace lightstage::sim {
 namespace {
@@ -54,24 +57,80 @@ Faults ParseFaults(const TomlTable& table) {
   return faults;
 }
 
+SensorOptions ParseSensor(const TomlTable& table) {
+  SensorOptions s;
+  s.sensitivity_e = table.Double("sensitivity_e", 1e-6, 1e12, s.sensitivity_e);
+  s.full_well_e = table.Double("full_well_e", 1, 1e9, s.full_well_e);
+  s.read_noise_e = table.Double("read_noise_e", 0, 1e6, s.read_noise_e);
+  s.photon_noise = table.Bool("photon_noise", s.photon_noise);
+  s.dsnu_e = table.Double("dsnu_e", 0, 1e6, 0);
+  s.prnu = table.Double("prnu", 0, 1, 0);
+  s.black_level = table.Double("black_level", 0, 65535, s.black_level);
+  s.response = ParseResponse(table);
+  s.line_time = table.Time("line_time_us", 0, 1e5, 0);
+  return s;
+}
+
+LampOptions ParseLampOptions(const TomlTable& table) {
+  LampOptions o;
+  o.intensity_w_sr = table.Double("intensity_w_sr", 0, 1e6, o.intensity_w_sr);
+  const std::vector<double> color = table.Doubles("color", 0, 10, 3, std::vector<double>{1, 1, 1});
+  if (color.size() == 3) std::copy(color.begin(), color.end(), o.color.begin());
+  o.pwm_hz = table.Double("pwm_hz", 0, 1e6, 0);
+  o.drift = table.Double("drift", 0, 0.5, 0);
+  o.drift_period_s = table.Double("drift_period_s", 1, 1e6, o.drift_period_s);
+  for (const TomlTable& dim : table.Tables("dim")) {
+    const int lamp = static_cast<int>(dim.Int("lamp", 0, 1023));
+    if (!o.dim.emplace(lamp, dim.Double("share", 0, 1, 0)).second) {
+      dim.ErrorAt("lamp", absl::StrCat("lamp ", lamp, " is dim already"));
+    }
+  }
+  return o;
+}
+
+ProjectorOptics ParseProjectorOptics(const TomlTable& table) {
+  ProjectorOptics o;
+  o.intensity_w_sr = table.Double("intensity_w_sr", 0, 1e6, o.intensity_w_sr);
+  o.lens_radius_m = table.Double("lens_radius_m", 0, 1, 0);
+  o.focus_m = table.Double("focus_m", 0, 100, 0);
+  o.gamma = table.Double("gamma", 0.1, 10, 1);
+  const double contrast = table.Double("contrast", 0, 1e9, 0);
+  if (contrast > 0 && contrast < 2)
+    table.ErrorAt("contrast", "must be 0, for a black that is dark, or from 2 to 1e9");
+  o.black = contrast > 0 ? 1 / contrast : 0;
+  o.vignetting = table.Double("vignetting", 0, 1, 0);
+  return o;
+}
+
 WorldOptions ParseSimulation(const TomlTable& table) {
   WorldOptions o;
   o.scene = table.String("scene", o.scene);
+  if (!IsSceneName(o.scene)) {
+    table.ErrorAt("scene", absl::StrCat("'", o.scene, "' is unknown; there are ",
+                                        absl::StrJoin(ShippedScenes(), ", ",
+                                                      [](std::string* out, const ShippedScene& s) {
+                                                        out->append(s.name);
+                                                      }),
+                                        ", and scene files that end with .toml"));
+  }
   o.scene_directory = std::filesystem::path(table.file()).parent_path().string();
   o.seed = static_cast<uint64_t>(table.Int("seed", 0, INT64_MAX, static_cast<int64_t>(o.seed)));
   o.samples = static_cast<int>(table.Int("samples", 1, 256, o.samples));
   o.bounces = static_cast<int>(table.Int("bounces", 0, kMostBounces, o.bounces));
   o.cache_bytes = static_cast<size_t>(table.Int("cache_mb", 0, 1 << 20, 512)) << 20;
-  o.lamp_intensity_w_sr = table.Double("lamp_intensity_w_sr", 0, 1e6, o.lamp_intensity_w_sr);
-  o.projector_intensity_w_sr =
-      table.Double("projector_intensity_w_sr", 0, 1e6, o.projector_intensity_w_sr);
-  SensorOptions& s = o.sensor;
-  s.sensitivity_e = table.Double("sensitivity_e", 1e-6, 1e12, s.sensitivity_e);
-  s.full_well_e = table.Double("full_well_e", 1, 1e9, s.full_well_e);
-  s.read_noise_e = table.Double("read_noise_e", 0, 1e6, s.read_noise_e);
-  s.photon_noise = table.Bool("photon_noise", s.photon_noise);
-  s.black_level = table.Double("black_level", 0, 65535, s.black_level);
-  s.response = ParseResponse(table);
+  o.paths_bytes = static_cast<size_t>(table.Int("paths_mb", 1, 1 << 20, 4096)) << 20;
+  o.ambient_w_m2_sr = table.Double("ambient_w_m2_sr", 0, 1e6, 0);
+  o.lamps = ParseLampOptions(table.Table("lamps"));
+  o.projector = ParseProjectorOptics(table.Table("projector"));
+  const TomlTable parts = table.Table("parts");
+  o.parts.camera_body = parts.Double("camera_body_m", 0, 10, 0);
+  o.parts.brace_bar = parts.Double("brace_bar_m", 0, 10, 0);
+  o.parts.projector_body = parts.Double("projector_body_m", 0, 10, 0);
+  o.parts.gantry_bar = parts.Double("gantry_bar_m", 0, 10, 0);
+  const TomlTable lens = table.Table("lens");
+  o.lens.vignetting = lens.Double("vignetting", 0, 1, 0);
+  o.lens.blur_px = lens.Double("blur_px", 0, 20, 0);
+  o.sensor = ParseSensor(table.Table("sensor"));
   o.faults = ParseFaults(table.Table("faults"));
   return o;
 }
@@ -132,6 +191,8 @@ DeviceOpener<Camera> ParseCamera(const SimulationPtr& simulation, const TomlTabl
   o.max_gain_db = table.Double("max_gain_db", 0, 60, 24);
   return [simulation, o](const DeviceContext& context) -> absl::StatusOr<std::unique_ptr<Camera>> {
     ASSIGN_OR_RETURN(auto world, simulation->OpenWorld(*context.geometry, *context.clock));
+    if (absl::Status fits = world->CheckFilm({o.width, o.height}); !fits.ok())
+      return Annotate(fits, context.name);
     return std::make_unique<SimCamera>(context.name, o, std::move(world));
   };
 }
@@ -167,6 +228,8 @@ DeviceOpener<Lamps> ParseLamps(const SimulationPtr& simulation, const TomlTable&
   SimLampsOptions o;
   o.steps = static_cast<int>(table.Int("steps", 0, 65535, 255));
   o.settle = table.Time("settle_ms", 0, 60e3, 2);
+  o.rise = table.Time("rise_ms", 0, 60e3, Seconds(o.settle) * 1e3);
+  o.fall = table.Time("fall_ms", 0, 60e3, Seconds(o.settle) * 1e3);
   o.max_time_to_dark = table.Time("max_time_to_dark_ms", 0, 3.6e6, 60e3);
   return [simulation, o](const DeviceContext& context) -> absl::StatusOr<std::unique_ptr<Lamps>> {
     if (context.geometry->brace.lamps.empty()) return Lacks(context, "lamps");
@@ -176,13 +239,15 @@ DeviceOpener<Lamps> ParseLamps(const SimulationPtr& simulation, const TomlTable&
 }
 
 DeviceOpener<Projector> ParseProjector(const SimulationPtr& simulation, const TomlTable& table) {
-  const Duration settle = table.Time("settle_ms", 0, 60e3, 20);
-  return [simulation,
-          settle](const DeviceContext& context) -> absl::StatusOr<std::unique_ptr<Projector>> {
-    if (!context.geometry->projector.present) return Lacks(context, "projector");
-    ASSIGN_OR_RETURN(auto world, simulation->OpenWorld(*context.geometry, *context.clock));
-    return std::make_unique<SimProjector>(context.name, settle, std::move(world));
-  };
+  SimProjectorOptions o;
+  o.settle = table.Time("settle_ms", 0, 60e3, 20);
+  o.latency = table.Time("latency_ms", 0, 60e3, 0);
+  return
+      [simulation, o](const DeviceContext& context) -> absl::StatusOr<std::unique_ptr<Projector>> {
+        if (!context.geometry->projector.present) return Lacks(context, "projector");
+        ASSIGN_OR_RETURN(auto world, simulation->OpenWorld(*context.geometry, *context.clock));
+        return std::make_unique<SimProjector>(context.name, o, std::move(world));
+      };
 }
 
 // A driver whose tables are read by `parse`. The registry is const when it is used, so what the tables have in common sits behind

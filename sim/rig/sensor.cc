@@ -69,9 +69,12 @@ std::array<int, 4> Mosaic(PixelFormat format) {
 
 class Chip {
  public:
-  Chip(const SensorOptions& sensor, PixelFormat format, int bits, double gain_db, uint64_t key)
+  Chip(const SensorOptions& sensor, PixelFormat format, int bits, double gain_db, uint64_t key,
+       uint64_t pattern_key)
       : sensor_(sensor),
         key_(key),
+        pattern_key_(pattern_key),
+        patterned_(sensor.dsnu_e > 0 || sensor.prnu > 0),
         full_scale_(static_cast<float>((1 << SignificantBits(format, bits)) - 1)),
         black_(static_cast<float>(sensor.black_level) * full_scale_ /
                static_cast<float>((1 << bits) - 1)),
@@ -82,13 +85,18 @@ class Chip {
         normals_(NormalQuantiles()) {}
 
   uint32_t Code(float exposure, uint64_t place) const {
-    float electrons = exposure * sensitivity_;
+    float electrons = exposure * sensitivity_, offset = 0;
+    if (patterned_) {
+      const uint64_t pixel = Mix(pattern_key_ + place * 0x9e3779b97f4a7c15u);
+      electrons *= std::max(0.0f, 1 + static_cast<float>(sensor_.prnu) * normals_[pixel & 0xffff]);
+      offset = static_cast<float>(sensor_.dsnu_e) * normals_[pixel >> 48];
+    }
     const uint64_t random = Mix(key_ + place * 0x9e3779b97f4a7c15u);
     if (sensor_.photon_noise) {
       electrons = Poisson(electrons, static_cast<float>((random >> 24) & 0xffffff) * 0x1p-24f,
                           normals_[random & 0xffff]);
     }
-    electrons = std::min(electrons, well_);
+    electrons = std::min(electrons, well_) + offset;
     if (read_noise_ > 0) electrons += read_noise_ * normals_[random >> 48];
     float signal = electrons * gain_;
     if (!sensor_.response.empty()) signal = Respond(signal);
@@ -108,7 +116,8 @@ class Chip {
   }
 
   const SensorOptions& sensor_;
-  const uint64_t key_;
+  const uint64_t key_, pattern_key_;
+  const bool patterned_;
   const float full_scale_, black_, gain_, sensitivity_, well_, read_noise_;
   const std::vector<float>& normals_;
 };
@@ -123,9 +132,9 @@ void PutCode(uint32_t code, int bytes, std::byte* to) {
 int SignificantBits(PixelFormat format, int bits) { return BytesPerSample(format) == 1 ? 8 : bits; }
 
 std::vector<std::byte> ReadSensor(const Image& exposure, const SensorOptions& sensor,
-                                  PixelFormat format, int bits, double gain_db,
-                                  uint64_t noise_key) {
-  const Chip chip(sensor, format, bits, gain_db, noise_key);
+                                  PixelFormat format, int bits, double gain_db, uint64_t noise_key,
+                                  uint64_t pattern_key) {
+  const Chip chip(sensor, format, bits, gain_db, noise_key, pattern_key);
   const int width = exposure.width(), bytes = BytesPerSample(format);
   const int samples = SamplesPerPixel(format);
   const bool bayer = IsBayer(format);

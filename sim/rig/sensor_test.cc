@@ -28,7 +28,7 @@ std::vector<int> Codes(const std::vector<std::byte>& data, PixelFormat format) {
 
 std::vector<int> Read(const Image& exposure, const SensorOptions& sensor, PixelFormat format,
                       uint64_t key = 1, double gain_db = 0) {
-  return Codes(ReadSensor(exposure, sensor, format, 12, gain_db, key), format);
+  return Codes(ReadSensor(exposure, sensor, format, 12, gain_db, key, 99), format);
 }
 
 struct Moments {
@@ -127,6 +127,42 @@ TEST(Sensor, ResponseCurveBendsTheCodes) {
   EXPECT_NEAR(code(1.0 / 6), 4095 * 0.25, 1);
   EXPECT_NEAR(code(0.5), 4095 * 0.75, 1);
   EXPECT_EQ(code(0.8), 4095);
+}
+
+// Photon transfer (EMVA 1288): the variance of the code over its mean is a line whose slope is the gain, codes per electron, and whose
+// value in the dark is the read noise and the rounding.
+TEST(Sensor, PhotonTransferGivesBackGainAndReadNoise) {
+  SensorOptions sensor = Ideal();
+  sensor.photon_noise = true;
+  sensor.full_well_e = 10000;
+  sensor.read_noise_e = 8;
+  sensor.black_level = 100;
+  const double gain = 4095 / sensor.full_well_e;
+  double n = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
+  for (int i = 0; i <= 16; ++i) {
+    const Moments m = Measure(0.5f * static_cast<float>(i), sensor, static_cast<uint64_t>(100 + i));
+    const double x = m.mean - 100;
+    ++n, sx += x, sy += m.variance, sxx += x * x, sxy += x * m.variance;
+  }
+  const double slope = (n * sxy - sx * sy) / (n * sxx - sx * sx), dark = (sy - slope * sx) / n;
+  EXPECT_NEAR(slope / gain, 1, 0.01);
+  EXPECT_NEAR(std::sqrt(dark - 1.0 / 12) / gain, sensor.read_noise_e, 0.6);
+}
+
+// The pattern is in every frame, the noise is not: in the mean of many frames the pattern is left.
+TEST(Sensor, FixedPatternStaysWhileNoiseAveragesOut) {
+  SensorOptions sensor = Ideal();
+  sensor.dsnu_e = 20;
+  sensor.prnu = 0.02;
+  for (const auto& [exposure, expected] :
+       {std::pair(0.5f, std::hypot(20, 10)), std::pair(2.0f, std::hypot(20, 40))}) {
+    const Moments m = Measure(exposure, sensor);
+    EXPECT_NEAR(std::sqrt(m.variance - 1.0 / 12) / expected, 1, 0.02) << exposure;
+    EXPECT_NEAR(m.mean, exposure * 1000, 0.5);
+    const Image image(40, 25, 3, exposure);
+    EXPECT_EQ(Read(image, sensor, PixelFormat::kMono16, 1),
+              Read(image, sensor, PixelFormat::kMono16, 2));
+  }
 }
 
 }  // namespace

@@ -179,6 +179,8 @@ void SimCamera::Trigger(Duration exposure, TimePoint deadline,
       refused = Refused(info_.identity.name, "CAMERA_BUSY", "its last frame is not ready yet");
     } else {
       const TimePoint now = timers_.clock().Now(), end = now + checked.exposure;
+      // Light may change when the last row has seen enough.
+      const TimePoint closed = end + world_->RowLag(options_.height);
       const uint64_t number = ++shots_;
       const bool silent = world_->FaultDue(Operation::kTrigger);
       Shot shot;
@@ -189,8 +191,8 @@ void SimCamera::Trigger(Duration exposure, TimePoint deadline,
       shot.ended = std::move(exposure_ended);
       shot.ready = std::move(frame_ready);
       if (!silent) {
-        shot.timers = {timers_.At(end, [this, number] { ExposureEnded(number); }),
-                       timers_.At(end + options_.readout, [this, number] { ReadOut(number); })};
+        shot.timers = {timers_.At(closed, [this, number] { ExposureEnded(number); }),
+                       timers_.At(closed + options_.readout, [this, number] { ReadOut(number); })};
       }
       shot.timers.push_back(timers_.At(deadline, [this, number] {
         Abort(number, Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT",
@@ -219,7 +221,7 @@ void SimCamera::ExposureEnded(uint64_t number) {
     if (!shot_ || shot_->number != number) return;
     ended = std::move(shot_->ended);
     shot_->ended = nullptr;
-    end = shot_->end;
+    end = shot_->end + world_->RowLag(options_.height);
   }
   if (worker_.joinable()) work_.Push([this, number] { Compute(number); });
   std::move(ended)(ExposureEnd{end});

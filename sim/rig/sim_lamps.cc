@@ -22,6 +22,8 @@ LampsInfo InfoOf(const std::string& name, const SimLampsOptions& options, const 
 SimLamps::SimLamps(const std::string& name, const SimLampsOptions& options,
                    std::shared_ptr<World> world)
     : info_(InfoOf(name, options, *world)),
+      rise_(options.rise),
+      fall_(options.fall),
       world_(std::move(world)),
       timers_(world_->clock()),
       operations_(timers_) {}
@@ -29,7 +31,8 @@ SimLamps::SimLamps(const std::string& name, const SimLampsOptions& options,
 SimLamps::~SimLamps() {
   timers_.Close();
   const TimePoint now = timers_.clock().Now();
-  world_->RampLamps(now, now, std::vector<float>(info_.count));  // the power goes with the device
+  world_->RampLamps(now, {}, {},
+                    std::vector<float>(info_.count));  // the power goes with the device
   operations_.Close(info_.identity.name);
 }
 
@@ -45,7 +48,7 @@ void SimLamps::Set(const std::vector<float>& levels, TimePoint deadline,
       "LAMPS_BUSY", info_.identity.name + ": levels", deadline, std::move(done),
       [&]() -> absl::StatusOr<TimePoint> {
         const TimePoint now = timers_.clock().Now(), settled = now + info_.settle;
-        world_->RampLamps(now, settled, state.levels);
+        world_->RampLamps(now, rise_, fall_, state.levels);
         MutexLock lock(&mutex_);
         Restart();
         return world_->FaultDue(Operation::kSet) ? kNever : settled;
@@ -62,7 +65,7 @@ void SimLamps::Dark(TimePoint deadline, Completion<LampsState> done) {
       info_.identity.name + ": dark", deadline, std::move(done),
       [&] {
         const TimePoint now = timers_.clock().Now();
-        world_->RampLamps(now, now + info_.settle, dark.levels);
+        world_->RampLamps(now, rise_, fall_, dark.levels);
         return now + info_.settle;
       },
       [dark]() -> absl::StatusOr<LampsState> { return dark; });
@@ -109,7 +112,7 @@ void SimLamps::TimeIsUp() {
     return;
   }
   dark_at_ = kNever;
-  world_->RampLamps(now, now + info_.settle, std::vector<float>(info_.count));
+  world_->RampLamps(now, rise_, fall_, std::vector<float>(info_.count));
 }
 
 }  // namespace lightstage::sim

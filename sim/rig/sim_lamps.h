@@ -11,8 +11,9 @@
 namespace lightstage::sim {
 
 struct SimLampsOptions {
-  int steps = 0;  // 0: continuous
-  Duration settle{};
+  int steps = 0;            // 0: continuous
+  Duration settle{};        // until the driver confirms
+  Duration rise{}, fall{};  // what the light really takes
   Duration max_time_to_dark{};
 };
 
@@ -33,6 +34,7 @@ class SimLamps final : public Lamps {
   void TimeIsUp();
 
   const LampsInfo info_;
+  const Duration rise_, fall_;
   const std::shared_ptr<World> world_;  // shared: all devices of a rig are in one world
   DeviceTimers timers_;
   DeviceOperations<LampsState> operations_;

@@ -1,5 +1,7 @@
 #include "sim/rig/sim_projector.h"
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 
 namespace lightstage::sim {
@@ -16,17 +18,27 @@ ProjectorInfo InfoOf(const std::string& name, Duration settle, const World& worl
 
 }  // namespace
 
-SimProjector::SimProjector(const std::string& name, Duration settle, std::shared_ptr<World> world)
-    : info_(InfoOf(name, settle, *world)),
+SimProjector::SimProjector(const std::string& name, const SimProjectorOptions& options,
+                           std::shared_ptr<World> world)
+    : info_(InfoOf(name, options.settle, *world)),
+      latency_(options.latency),
       world_(std::move(world)),
       timers_(world_->clock()),
-      operations_(timers_) {}
+      operations_(timers_) {
+  const TimePoint now = timers_.clock().Now();
+  world_->RampPattern(now, now, Pattern{});  // switched on, it shows black
+}
 
 SimProjector::~SimProjector() {
   timers_.Close();
-  const TimePoint now = timers_.clock().Now();
-  world_->RampPattern(now, now, Pattern{});
+  world_->EndProjector(timers_.clock().Now());
   operations_.Close(info_.identity.name);
+}
+
+TimePoint SimProjector::Change(const Pattern& pattern) {
+  const TimePoint now = timers_.clock().Now(), settled = now + info_.settle;
+  world_->RampPattern(now + latency_, std::max(now + latency_, settled), pattern);
+  return settled;
 }
 
 void SimProjector::Show(const Pattern& pattern, TimePoint deadline,
@@ -36,8 +48,7 @@ void SimProjector::Show(const Pattern& pattern, TimePoint deadline,
       "PROJECTOR_BUSY", absl::StrCat(info_.identity.name, ": show ", PatternName(pattern)),
       deadline, std::move(done),
       [&]() -> absl::StatusOr<TimePoint> {
-        const TimePoint now = timers_.clock().Now(), settled = now + info_.settle;
-        world_->RampPattern(now, settled, pattern);
+        const TimePoint settled = Change(pattern);
         return world_->FaultDue(Operation::kShow) ? kNever : settled;
       },
       [pattern]() -> absl::StatusOr<ProjectorState> { return ProjectorState{pattern}; });
@@ -48,12 +59,7 @@ void SimProjector::Black(TimePoint deadline, Completion<ProjectorState> done) {
       Error(absl::StatusCode::kCancelled, "DARKENED",
             absl::StrCat(info_.identity.name, " was told to show black"),
             {{"device", info_.identity.name}}),
-      info_.identity.name + ": black", deadline, std::move(done),
-      [&] {
-        const TimePoint now = timers_.clock().Now(), settled = now + info_.settle;
-        world_->RampPattern(now, settled, Pattern{});
-        return settled;
-      },
+      info_.identity.name + ": black", deadline, std::move(done), [&] { return Change(Pattern{}); },
       []() -> absl::StatusOr<ProjectorState> { return ProjectorState{}; });
 }
 

@@ -9,9 +9,16 @@
 
 namespace lightstage::sim {
 
+struct SimProjectorOptions {
+  Duration settle{};  // until the driver confirms
+  Duration
+      latency{};  // of the video chain: so long the old image stays, then it fades into the new one until `settle`
+};
+
 class SimProjector final : public Projector {
  public:
-  SimProjector(const std::string& name, Duration settle, std::shared_ptr<World> world);
+  SimProjector(const std::string& name, const SimProjectorOptions& options,
+               std::shared_ptr<World> world);
   ~SimProjector() override;
 
   const ProjectorInfo& info() const override { return info_; }
@@ -19,7 +26,11 @@ class SimProjector final : public Projector {
   void Black(TimePoint deadline, Completion<ProjectorState> done) override;
 
  private:
+  // Tells the world; when the driver confirms.
+  TimePoint Change(const Pattern& pattern);
+
   const ProjectorInfo info_;
+  const Duration latency_;
   const std::shared_ptr<World> world_;  // shared: all devices of a rig are in one world
   DeviceTimers timers_;
   DeviceOperations<ProjectorState> operations_;

@@ -40,21 +40,54 @@ double LevelTimeline::At(TimePoint t) const {
   return a.level + (after->level - a.level) * (Seconds(t - a.t) / Seconds(after->t - a.t));
 }
 
-double LevelTimeline::Integral(TimePoint a, TimePoint b) const {
-  double sum = 0;
+template <class Body>
+void LevelTimeline::ForPieces(TimePoint a, TimePoint b, Body body) const {
   for (size_t k = 0; k < points_.size(); ++k) {
     const TimePoint end = k + 1 < points_.size() ? std::min(points_[k + 1].t, b) : b;
     const TimePoint begin = std::max(points_[k].t, a);
     if (begin >= end) continue;
-    const bool ramp = k + 1 < points_.size() && points_[k + 1].level != points_[k].level;
-    double mean = points_[k].level;
-    if (ramp) {
-      const double length = Seconds(points_[k + 1].t - points_[k].t);
-      const double middle = (Seconds(begin - points_[k].t) + Seconds(end - points_[k].t)) / 2;
-      mean += (points_[k + 1].level - points_[k].level) * middle / length;
-    }
-    sum += mean * Seconds(end - begin);
+    auto level = [&](TimePoint t) {
+      if (k + 1 == points_.size() || points_[k + 1].level == points_[k].level)
+        return points_[k].level;
+      const double share = Seconds(t - points_[k].t) / Seconds(points_[k + 1].t - points_[k].t);
+      return points_[k].level + (points_[k + 1].level - points_[k].level) * share;
+    };
+    body(begin, end, level(begin), level(end));
   }
+}
+
+double LevelTimeline::Integral(TimePoint a, TimePoint b) const {
+  double sum = 0;
+  ForPieces(a, b, [&](TimePoint begin, TimePoint end, double from, double to) {
+    sum += (from + to) / 2 * Seconds(end - begin);
+  });
+  return sum;
+}
+
+double LevelTimeline::PulsedIntegral(TimePoint a, TimePoint b, double hz) const {
+  double sum = 0;
+  ForPieces(a, b, [&](TimePoint begin, TimePoint end, double from, double to) {
+    // In periods since the clock's zero.
+    const double first = Seconds(begin.time_since_epoch()) * hz,
+                 last = Seconds(end.time_since_epoch()) * hz;
+    if (from == to) {
+      // On in whole periods and the parts at both ends.
+      auto on = [&](double phase) {
+        return std::floor(phase) * from + std::min(phase - std::floor(phase), from);
+      };
+      sum += (on(last) - on(first)) / hz;
+      return;
+    }
+    // While the level changes every period has its own share.
+    const double slope = (to - from) / (last - first);
+    for (double period = std::floor(first); period < last; ++period) {
+      // The pulse that began at `period` ends when the phase has caught up with the level: p = level(period + p).
+      const double level = from + slope * (period - first);
+      const double length = slope < 1 ? std::clamp(level / (1 - slope), 0.0, 1.0) : 1;
+      const double on_from = std::max(period, first), on_to = std::min(period + length, last);
+      if (on_to > on_from) sum += (on_to - on_from) / hz;
+    }
+  });
   return sum;
 }
 

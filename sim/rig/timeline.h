@@ -16,6 +16,8 @@ class LevelTimeline {
   double At(TimePoint t) const;
   // ∫ level dt, in seconds; a ≤ b.
   double Integral(TimePoint a, TimePoint b) const;
+  // ∫ of light that is on while the phase of its pulses, t · hz modulo 1, is below the level (pulse-width modulation); hz > 0.
+  double PulsedIntegral(TimePoint a, TimePoint b, double hz) const;
   // Forgets what was before `t`.
   void Forget(TimePoint t);
   // Zero from now on, and nothing remembered.
@@ -26,6 +28,10 @@ class LevelTimeline {
     TimePoint t;
     double level;
   };
+  // body(begin, end, level at begin, level at end) for every stretch between a and b in which the level changes evenly.
+  template <class Body>
+  void ForPieces(TimePoint a, TimePoint b, Body body) const;
+
   std::vector<Point> points_{{TimePoint::min(), 0}};  // by time; never empty
 };
 

@@ -32,6 +32,30 @@ TEST(LevelTimeline, IntegralIsTheAreaBelow) {
   EXPECT_NEAR(level.Integral(At(0), At(30)), 1 + 8 + 5, 1e-12);
 }
 
+// Against light that is switched on and off in steps of 0.1 µs.
+TEST(LevelTimeline, PulsesAddUpToTheLevel) {
+  LevelTimeline lamp;
+  lamp.RampTo(At(0), At(0), 0.3);
+  lamp.RampTo(At(0.01), At(0.013), 0.9);
+  lamp.RampTo(At(0.02), At(0.021), 0);
+  constexpr double kHz = 2000;
+  // Whole periods of a constant level.
+  EXPECT_NEAR(lamp.PulsedIntegral(At(0.001), At(0.006), kHz), 0.3 * 0.005, 1e-9);
+  // An exposure that is shorter than a period sees all or nothing.
+  EXPECT_NEAR(lamp.PulsedIntegral(At(0.001), At(0.0011), kHz), 0.0001, 1e-9);
+  EXPECT_NEAR(lamp.PulsedIntegral(At(0.0012), At(0.0014), kHz), 0, 1e-9);
+  for (const auto& [a, b] :
+       {std::pair(0.0003, 0.0088), std::pair(0.0098, 0.0124), std::pair(0.012, 0.0207)}) {
+    double expected = 0;
+    constexpr double kStep = 1e-7;
+    for (double t = a; t < b; t += kStep) {
+      const double middle = t + kStep / 2, phase = middle * kHz - std::floor(middle * kHz);
+      expected += phase < lamp.At(At(middle)) ? kStep : 0;
+    }
+    EXPECT_NEAR(lamp.PulsedIntegral(At(a), At(b), kHz), expected, 2e-6) << a;
+  }
+}
+
 TEST(LevelTimeline, NewRampStartsFromWhereTheOldOneWas) {
   LevelTimeline level;
   level.RampTo(At(0), At(10), 1);

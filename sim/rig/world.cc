@@ -3,18 +3,25 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "base/status.h"
 #include "sim/render/hash.h"
-#include "sim/scenes/scenes.h"
+#include "sim/render/paths.h"
+#include "sim/rig/lenses.h"
+#include "sim/rig/world_scene.h"
 
 namespace lightstage::sim {
 namespace {
 
 // No exposure is cut into more steps than this, however fast the motion.
 constexpr double kMostSteps = 256;
+
+// Of the sensor's fixed pattern, apart from its noise.
+constexpr uint64_t kFixedPattern = 0x6670;
 
 uint64_t Fold(uint64_t hash, const LightTerm& term) {
   for (double v :
@@ -33,9 +40,15 @@ uint64_t Fold(uint64_t hash, const LightTerm& term) {
 
 absl::StatusOr<std::shared_ptr<World>> World::Create(const WorldOptions& options,
                                                      const RigGeometry& geometry, Clock& clock) {
-  ASSIGN_OR_RETURN(SceneDescription description,
-                   LoadScene(options.scene, options.scene_directory));
-  ASSIGN_OR_RETURN(Scene scene, Scene::Build(std::move(description)));
+  const int lamps = static_cast<int>(geometry.brace.lamps.size());
+  for (const auto& [lamp, share] : options.lamps.dim) {
+    if (lamp < lamps) continue;
+    return Error(absl::StatusCode::kInvalidArgument, "LAMP_UNKNOWN",
+                 absl::StrCat("[[simulation.lamps.dim]] lamp ", lamp,
+                              " does not exist: this rig has ", lamps, " lamps"),
+                 {{"lamp", absl::StrCat(lamp)}});
+  }
+  ASSIGN_OR_RETURN(Scene scene, MakeWorldScene(options, geometry));
   return std::shared_ptr<World>(new World(options, geometry, clock, std::move(scene)));
 }
 
@@ -47,8 +60,10 @@ World::World(const WorldOptions& options, const RigGeometry& geometry, Clock& cl
                   .samples = options.samples,
                   .bounces = options.bounces,
                   .cache_bytes = options.cache_bytes,
-                  .lamp_intensity_w_sr = options.lamp_intensity_w_sr,
-                  .projector_intensity_w_sr = options.projector_intensity_w_sr}),
+                  .lamp_intensity_w_sr = options.lamps.intensity_w_sr,
+                  .projector_intensity_w_sr = options.projector.intensity_w_sr,
+                  .lens = LensOf(options.projector, geometry.projector),
+                  .parts = options.parts}),
       faults_(options.faults),
       lamps_(geometry.brace.lamps.size()) {}
 
@@ -84,10 +99,13 @@ bool World::FrameLost() {
 
 // ---- What devices do
 
-void World::RampLamps(TimePoint from, TimePoint to, absl::Span<const float> levels) {
+void World::RampLamps(TimePoint from, Duration rise, Duration fall,
+                      absl::Span<const float> levels) {
   assert(levels.size() == geometry().brace.lamps.size());
   MutexLock lock(&mutex_);
-  for (size_t i = 0; i < levels.size(); ++i) lamps_[i].RampTo(from, to, levels[i]);
+  for (size_t i = 0; i < levels.size(); ++i) {
+    lamps_[i].RampTo(from, from + (levels[i] > lamps_[i].At(from) ? rise : fall), levels[i]);
+  }
   ForgetLocked(from);
 }
 
@@ -96,7 +114,15 @@ void World::RampPattern(TimePoint from, TimePoint to, const Pattern& pattern) {
   for (auto& [other, share] : patterns_) {
     if (other != pattern) share.RampTo(from, to, 0);
   }
-  if (pattern.arrangement != PatternArrangement::kBlack) patterns_[pattern].RampTo(from, to, 1);
+  if (pattern.arrangement != PatternArrangement::kBlack || options_.projector.black > 0) {
+    patterns_[pattern].RampTo(from, to, 1);
+  }
+  ForgetLocked(from);
+}
+
+void World::EndProjector(TimePoint from) {
+  MutexLock lock(&mutex_);
+  for (auto& [pattern, share] : patterns_) share.RampTo(from, from, 0);
   ForgetLocked(from);
 }
 
@@ -156,12 +182,37 @@ Pattern World::ShownPattern(TimePoint t) const {
 
 // ---- What a camera sees
 
-std::vector<LightTerm> World::TermsLocked(TimePoint start, TimePoint end) const {
-  std::vector<TimePoint> cuts = {start, end};
-  for (const MotionTimeline& axis : axes_) axis.AppendBreaks(start, end, &cuts);
+double World::LampIntegralLocked(int lamp, TimePoint a, TimePoint b) const {
+  const LampOptions& o = options_.lamps;
+  double sum =
+      o.pwm_hz > 0 ? lamps_[lamp].PulsedIntegral(a, b, o.pwm_hz) : lamps_[lamp].Integral(a, b);
+  if (sum == 0) return 0;
+  if (auto dim = o.dim.find(lamp); dim != o.dim.end()) sum *= dim->second;
+  if (o.drift > 0) {
+    const double phase = UnitFloat(sim::Fold(options_.seed, static_cast<uint64_t>(lamp))) +
+                         Seconds((a + (b - a) / 2).time_since_epoch()) / o.drift_period_s;
+    sum *= 1 + o.drift * std::sin(2 * std::numbers::pi * phase);
+  }
+  return sum;
+}
+
+std::vector<LightTerm> World::TermsLocked(TimePoint start, TimePoint end, int rows) const {
+  const Duration lag = RowLag(rows), line = options_.sensor.line_time;
+  std::vector<TimePoint> cuts = {start, end + lag};
+  for (const MotionTimeline& axis : axes_) axis.AppendBreaks(start, end + lag, &cuts);
   std::sort(cuts.begin(), cuts.end());
 
   std::vector<LightTerm> terms;
+  // Adds a light that shone between a and b; integral(from, to) says how much.
+  auto add = [&](LightTerm term, TimePoint a, TimePoint b, auto integral) {
+    term.level_seconds = integral(a, b);
+    if (term.level_seconds <= 0) return;
+    for (int row = 0; lag > Duration::zero() && row < rows; ++row) {
+      const TimePoint from = std::max(a, start + row * line), to = std::min(b, end + row * line);
+      term.rows.push_back(from < to ? static_cast<float>(integral(from, to)) : 0.0f);
+    }
+    terms.push_back(std::move(term));
+  };
   for (size_t i = 0; i + 1 < cuts.size(); ++i) {
     const double way =
         std::max(axes_[0].Way(cuts[i], cuts[i + 1]), axes_[1].Way(cuts[i], cuts[i + 1]));
@@ -171,42 +222,63 @@ std::vector<LightTerm> World::TermsLocked(TimePoint start, TimePoint end) const 
     for (int64_t s = 0; s < steps; ++s) {
       const TimePoint a = cuts[i] + length * s / steps, b = cuts[i] + length * (s + 1) / steps;
       LightTerm term{.pose = PoseLocked(a + (b - a) / 2), .moving = way > 0};
-      for (size_t lamp = 0; lamp < lamps_.size(); ++lamp) {
-        term.level_seconds = lamps_[lamp].Integral(a, b);
-        term.lamp = static_cast<int>(lamp);
-        if (term.level_seconds > 0) terms.push_back(term);
+      for (int lamp = 0; lamp < static_cast<int>(lamps_.size()); ++lamp) {
+        term.lamp = lamp;
+        add(term, a, b, [&](TimePoint from, TimePoint to) {
+          mutex_.AssertHeld();
+          return LampIntegralLocked(lamp, from, to);
+        });
       }
       term.lamp = -1;
       for (const auto& [pattern, share] : patterns_) {
-        term.level_seconds = share.Integral(a, b);
         term.pattern = pattern;
-        if (term.level_seconds > 0) terms.push_back(term);
+        add(term, a, b, [&timeline = share](TimePoint from, TimePoint to) {
+          return timeline.Integral(from, to);
+        });
       }
     }
   }
   return terms;
 }
 
-Image World::Render(const std::vector<LightTerm>& terms, FilmSize size) {
+Image World::Render(const std::vector<LightTerm>& terms, Duration exposure, FilmSize size) {
   Image sum(size.width, size.height, 3);
-  std::span<float> out = sum.pixels();
+  // `image`, of a light of this colour, times what is open of it per row.
+  auto add = [&](const Image& image, std::span<const float> rows,
+                 const std::array<double, 3>& color) {
+    for (int y = 0; y < size.height; ++y) {
+      const std::span<const float> in = image.row(y);
+      const std::span<float> out = sum.row(y);
+      float scale[3];
+      for (int c = 0; c < 3; ++c) scale[c] = rows[y] * static_cast<float>(color[c]);
+      for (size_t i = 0; i < out.size(); i += 3) {
+        for (size_t c = 0; c < 3; ++c) out[i + c] += scale[c] * in[i + c];
+      }
+    }
+  };
   for (const LightTerm& term : terms) {
     const Keep keep = term.moving ? Keep::kNo : Keep::kYes;
-    const auto scale = static_cast<float>(term.level_seconds);
+    std::vector<float> rows = term.rows;
+    if (rows.empty()) rows.assign(size.height, static_cast<float>(term.level_seconds));
     if (term.lamp < 0) {
       const ProjectorGeometry& projector = geometry().projector;
-      Image raster = Rasterize(term.pattern, projector.width, projector.height);
-      transport_.Projector(size, term.pose, keep)->Add(raster, scale, &sum);
-      continue;
+      const Image shown =
+          Emitted(Rasterize(term.pattern, projector.width, projector.height), options_.projector);
+      transport_.Projector(size, term.pose, keep)->Add(shown, rows, &sum);
+    } else {
+      add(*transport_.Lamp(size, term.pose, term.lamp, keep), rows, options_.lamps.color);
     }
-    std::shared_ptr<const Image> lamp = transport_.Lamp(size, term.pose, term.lamp, keep);
-    std::span<const float> in = lamp->pixels();
-    for (size_t i = 0; i < out.size(); ++i) out[i] += scale * in[i];
   }
+  if (options_.ambient_w_m2_sr > 0) {
+    const auto light = static_cast<float>(options_.ambient_w_m2_sr * Seconds(exposure));
+    add(*transport_.Ambient(size), std::vector<float>(size.height, light), {1, 1, 1});
+  }
+  PassLens(options_.lens, &sum);
   return sum;
 }
 
-absl::StatusOr<std::vector<LightTerm>> World::Terms(TimePoint start, TimePoint end) const {
+absl::StatusOr<std::vector<LightTerm>> World::Terms(TimePoint start, TimePoint end,
+                                                    int rows) const {
   MutexLock lock(&mutex_);
   if (start < forgotten_) {
     return Error(absl::StatusCode::kOutOfRange, "HISTORY",
@@ -216,17 +288,29 @@ absl::StatusOr<std::vector<LightTerm>> World::Terms(TimePoint start, TimePoint e
                  {{"exposure_s", absl::StrCat(Seconds(end - start))},
                   {"history_s", absl::StrCat(Seconds(kHistory))}});
   }
-  return TermsLocked(start, end);
+  return TermsLocked(start, end, rows);
+}
+
+absl::Status World::CheckFilm(FilmSize size) const {
+  const size_t bytes = PathBytes(size.width, size.height, options_.samples, options_.bounces);
+  if (bytes <= options_.paths_bytes) return absl::OkStatus();
+  return Error(absl::StatusCode::kResourceExhausted, "MEMORY",
+               absl::StrFormat("a simulated camera of %d x %d pixels takes about %d MB for its "
+                               "light paths; [simulation] paths_mb allows "
+                               "%d MB: make the sensor, samples or bounces smaller",
+                               size.width, size.height, bytes >> 20, options_.paths_bytes >> 20),
+               {{"needed_mb", absl::StrCat(bytes >> 20)},
+                {"allowed_mb", absl::StrCat(options_.paths_bytes >> 20)}});
 }
 
 absl::StatusOr<Image> World::Integrate(TimePoint start, TimePoint end, FilmSize size) {
-  ASSIGN_OR_RETURN(std::vector<LightTerm> terms, Terms(start, end));
-  return Render(terms, size);
+  ASSIGN_OR_RETURN(std::vector<LightTerm> terms, Terms(start, end, size.height));
+  return Render(terms, end - start, size);
 }
 
 absl::StatusOr<Frame> World::Expose(TimePoint start, TimePoint end, PixelFormat format,
                                     FilmSize size, int bits, double gain_db) {
-  ASSIGN_OR_RETURN(std::vector<LightTerm> terms, Terms(start, end));
+  ASSIGN_OR_RETURN(std::vector<LightTerm> terms, Terms(start, end, size.height));
   uint64_t noise_key = sim::Fold(options_.seed, static_cast<uint64_t>((end - start).count()));
   for (const LightTerm& term : terms) noise_key = Fold(noise_key, term);
   Frame frame;
@@ -234,18 +318,19 @@ absl::StatusOr<Frame> World::Expose(TimePoint start, TimePoint end, PixelFormat 
   frame.width = size.width;
   frame.height = size.height;
   frame.significant_bits = SignificantBits(format, bits);
-  frame.data = ReadSensor(Render(terms, size), options_.sensor, format, bits, gain_db, noise_key);
+  frame.data = ReadSensor(Render(terms, end - start, size), options_.sensor, format, bits, gain_db,
+                          noise_key, sim::Fold(options_.seed, kFixedPattern));
   frame.exposure = end - start;
   frame.gain_db = gain_db;
   frame.exposure_start = start;
-  frame.exposure_end = end;
+  frame.exposure_end = end + RowLag(size.height);
   return frame;
 }
 
 absl::StatusOr<Frame> World::ExposeNow(Duration exposure, PixelFormat format, FilmSize size,
                                        int bits) {
-  const TimePoint now = clock_->Now();
-  return Expose(now - exposure, now, format, size, bits);
+  const TimePoint end = clock_->Now() - RowLag(size.height);
+  return Expose(end - exposure, end, format, size, bits);
 }
 
 void World::Prefetch(FilmSize size) {
@@ -253,7 +338,7 @@ void World::Prefetch(FilmSize size) {
   {
     MutexLock lock(&mutex_);
     const TimePoint now = clock_->Now();
-    terms = TermsLocked(now - std::chrono::microseconds(1), now);
+    terms = TermsLocked(now - std::chrono::microseconds(1), now, 1);
   }
   for (const LightTerm& term : terms) {
     if (term.moving) continue;

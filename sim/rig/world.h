@@ -40,7 +40,8 @@ struct LightTerm {
   bool moving = false;  // one step of a motion: not worth caching
   int lamp = -1;        // index on the brace, or −1: `pattern`
   Pattern pattern;
-  double level_seconds = 0;  // ∫ level dt
+  double level_seconds = 0;  // ∫ level dt, while any row was open
+  std::vector<float> rows;   // the same by row, if they are open at different times; else empty
 };
 
 class World {
@@ -49,7 +50,8 @@ class World {
   // A moving axis is integrated in steps of at most this.
   static constexpr Angle kMotionStep = Degrees(0.25);
 
-  // `clock` must outlive the world. NOT_FOUND / SCENE if there is no scene of that name.
+  // `clock` must outlive the world. NOT_FOUND / SCENE if there is no scene of that name; the scene's own errors; INSIDE_OBJECT if
+  // camera or lamps stand in an object; INVALID_ARGUMENT / LAMP_UNKNOWN if a lamp is to be dim that does not exist.
   static absl::StatusOr<std::shared_ptr<World>> Create(const WorldOptions& options,
                                                        const RigGeometry& geometry, Clock& clock);
 
@@ -66,10 +68,12 @@ class World {
 
   // ---- What devices do to the world. Times do not decrease from call to call of one device.
 
-  // Every lamp goes from what it is at `from` to its new level at `to`, linearly.
-  void RampLamps(TimePoint from, TimePoint to, absl::Span<const float> levels);
+  // Every lamp goes from what it is at `from` to its new level, linearly: brighter within `rise`, darker within `fall`.
+  void RampLamps(TimePoint from, Duration rise, Duration fall, absl::Span<const float> levels);
   // The projector's image fades from what it is at `from` into `pattern` at `to`, linearly.
   void RampPattern(TimePoint from, TimePoint to, const Pattern& pattern);
+  // Its lamp goes out: not even black shines.
+  void EndProjector(TimePoint from);
   // Replaces what the axis does from the motion's start on.
   void SetMotion(AxisRole axis, const Motion& motion);
 
@@ -82,8 +86,15 @@ class World {
 
   // ---- What a camera sees of it. These compute for milliseconds; call them where that is allowed.
 
-  // ∫ radiance dt of every pixel from `start` to `end` ≤ now: 3 channels, J/(m²·sr). OUT_OF_RANGE / HISTORY if `start` is
-  // forgotten.
+  // RESOURCE_EXHAUSTED / MEMORY with the figure, if the paths of a picture of this size would take too much. For cameras, when they
+  // open.
+  absl::Status CheckFilm(FilmSize size) const;
+
+  // How much later than the first row the last one begins and ends (rolling shutter).
+  Duration RowLag(int height) const { return options_.sensor.line_time * (height - 1); }
+
+  // ∫ radiance dt of every pixel, through the camera's lens, from `start` to `end`, and of the rows below so much later
+  // (SensorOptions::line_time); end + RowLag ≤ now. 3 channels, J/(m²·sr). OUT_OF_RANGE / HISTORY if `start` is forgotten.
   absl::StatusOr<Image> Integrate(TimePoint start, TimePoint end, FilmSize size);
 
   // The same through the sensor. The noise is a function of the seed and of the light terms and exposure only – not of time or of
@@ -92,7 +103,7 @@ class World {
   absl::StatusOr<Frame> Expose(TimePoint start, TimePoint end, PixelFormat format, FilmSize size,
                                int bits, double gain_db = 0);
 
-  // What a camera that ends an exposure right now delivers: Expose(now − exposure, now). For peers that serve the picture on a
+  // What a camera that ends an exposure right now, in its last row, delivers. For peers that serve the picture on a
   // wire of their own.
   absl::StatusOr<Frame> ExposeNow(Duration exposure, PixelFormat format, FilmSize size, int bits);
 
@@ -102,11 +113,14 @@ class World {
  private:
   World(const WorldOptions& options, const RigGeometry& geometry, Clock& clock, Scene scene);
 
-  std::vector<LightTerm> TermsLocked(TimePoint start, TimePoint end) const
+  // Of rows that begin at `start` + row · line time.
+  std::vector<LightTerm> TermsLocked(TimePoint start, TimePoint end, int rows) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::StatusOr<std::vector<LightTerm>> Terms(TimePoint start, TimePoint end) const;
+  absl::StatusOr<std::vector<LightTerm>> Terms(TimePoint start, TimePoint end, int rows) const;
+  double LampIntegralLocked(int lamp, TimePoint a, TimePoint b) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   Pose PoseLocked(TimePoint t) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  Image Render(const std::vector<LightTerm>& terms, FilmSize size);
+  Image Render(const std::vector<LightTerm>& terms, Duration exposure, FilmSize size);
   void ForgetLocked(TimePoint now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const WorldOptions options_;

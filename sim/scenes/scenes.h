@@ -17,6 +17,9 @@ struct ShippedScene {
 };
 const std::vector<ShippedScene>& ShippedScenes();
 
+// Whether LoadScene may find it: a shipped scene's name, or what could be a scene file's path.
+bool IsSceneName(const std::string& scene);
+
 // A shipped scene's name, or the path of a scene file (scene_file.h), which ends with .toml and is relative to `directory`.
 // NOT_FOUND / SCENE naming the known ones; the file's own errors.
 absl::StatusOr<SceneDescription> LoadScene(const std::string& scene, const std::string& directory,

@@ -1,9 +1,253 @@
+// Scene files, the meshes and textures that they name, and the shipped scenes.
 #include "sim/scenes/scenes.h"
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "sim/render/illuminate.h"
+#include "sim/render/test_scene.h"
+#include "sim/scenes/mesh_file.h"
+#include "sim/scenes/texture.h"
+
 namespace lightstage::sim {
 namespace {
+
+namespace fs = std::filesystem;
+
+// Some light on what stands on the turntable, small and quick.
+Image Look(const Scene& scene) {
+  const CameraGeometry camera{Vec3(0, -1.1, 0.55), Vec3(0, 0, 0.075), Degrees(17)};
+  const BraceGeometry brace{Meters(1), Meters(0.02), {{Degrees(-60), Degrees(40)}}};
+  const Paths paths(scene, camera, 64, 48, {.samples = 4, .bounces = 2});
+  return Illuminate(scene, paths, LampLight(brace, 0, Degrees(0), 10, 1));
+}
+
+class SceneFiles : public testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = fs::path(testing::TempDir()) /
+                 testing::UnitTest::GetInstance()->current_test_info()->name();
+    fs::remove_all(directory_);
+    fs::create_directories(directory_);
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+
+  void Write(const std::string& name, const std::string& text) {
+    std::ofstream(directory_ / name) << text;
+  }
+  absl::StatusOr<SceneDescription> Load(const std::string& text) {
+    Write("scene.toml", text);
+    return LoadScene("scene.toml", directory_.string());
+  }
+  // Loading or building it fails, with all of these words in the message.
+  void ExpectRefused(const std::string& text, const std::vector<std::string>& words) {
+    absl::StatusOr<SceneDescription> description = Load(text);
+    absl::Status status = description.status();
+    if (status.ok()) status = Scene::Build(*std::move(description)).status();
+    EXPECT_FALSE(status.ok()) << text;
+    for (const std::string& word : words) {
+      EXPECT_NE(status.message().find(word), std::string::npos)
+          << "'" << word << "' is not in " << status;
+    }
+  }
+  fs::path directory_;
+};
+
+constexpr char kTetrahedron[] =
+    "OFF\n4 4 0\n0 0 0\n2 0 0\n0 2 0\n0 0 2\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
+
+TEST_F(SceneFiles, HaveMaterialsShapesMeshesAndCopies) {
+  Write("tetra.off", kTetrahedron);
+  auto description = Load(R"(
+turntable = false
+[material.clay]
+diffuse = [0.6, 0.4, 0.3]
+texture = { kind = "checker", size_m = 0.01, dark = 0.5 }
+[material.foam]
+kind = "medium"
+mean_free_path_m = 0.002
+albedo = [0.99, 0.98, 0.9]
+anisotropy = 0.3
+[material.ball]
+kind = "glass"
+ior = 1.6
+[[mesh]]
+file = "tetra.off"
+material = "clay"
+size_m = 0.1
+position_m = [0.01, 0.02, 0.03]
+[[mesh]]
+file = "tetra.off"
+material = "foam"
+scale = 0.01
+copy = [{ position_m = [0.2, 0, 0] }, { position_m = [-0.2, 0, 0], rotate_deg = [0, 0, 90] }]
+[[ball]]
+center_m = [0, 0, 0.3]
+radius_m = 0.05
+material = "ball"
+[[box]]
+center_m = [0, 0, -0.01]
+size_m = [1, 2, 0.02]
+material = "clay"
+)");
+  ASSERT_TRUE(description.ok()) << description.status();
+  ASSERT_EQ(description->meshes.size(), 3u);
+  const Mesh& mesh = description->meshes[0];
+  Eigen::AlignedBox3f box;
+  for (const Vec3f& v : mesh.vertices) box.extend(v);
+  EXPECT_LT((box.min() - Vec3f(-0.04f, -0.03f, 0.03f)).norm(), 1e-6f)
+      << "its middle over the position, standing on it";
+  EXPECT_LT((box.sizes() - Vec3f(0.1f, 0.1f, 0.1f)).norm(), 1e-6f);
+  EXPECT_EQ(description->meshes[1].placements.size(), 2u);
+  const Material& foam = description->materials[description->meshes[1].material];
+  EXPECT_EQ(foam.kind, Material::Kind::kMedium);
+  EXPECT_FLOAT_EQ(foam.extinction, 500);
+  EXPECT_FLOAT_EQ(foam.anisotropy, 0.3f);
+  EXPECT_FLOAT_EQ(description->materials[description->balls.at(0).material].ior, 1.6f);
+  auto texture = description->materials[mesh.material].texture;
+  EXPECT_NE(texture({Vec3f(0.005f, 0.005f, 0.005f)}).x(),
+            texture({Vec3f(0.015f, 0.005f, 0.005f)}).x());
+  EXPECT_TRUE(Scene::Build(*std::move(description)).ok());
+}
+
+TEST_F(SceneFiles, SayWhereTheyAreWrong) {
+  Write("tetra.off", kTetrahedron);
+  const std::string clay = "[material.clay]\ndiffuse = [0.5, 0.5, 0.5]\n";
+  ExpectRefused(clay + "shiny = 3\n", {"scene.toml:3:1", "shiny"});
+  ExpectRefused("[material.clay]\ndiffuse = [0.5, 2, 0.5]\n", {"scene.toml:2", "diffuse"});
+  ExpectRefused("[material.clay]\n", {"[material.clay]", "needs a colour"});
+  ExpectRefused("[material.m]\nkind = \"velvet\"\n", {"velvet", "medium"});
+  ExpectRefused("[material.m]\nkind = \"medium\"\n", {"mean_free_path_m"});
+  ExpectRefused("[material.m]\nkind = \"mirror\"\nior = 2\n", {"ior"});
+  ExpectRefused(clay + "[[ball]]\nradius_m = 0.1\nmaterial = \"wax\"\n",
+                {"scene.toml:5", "[material.wax]", "clay"});
+  ExpectRefused(clay + "[[ball]]\nmaterial = \"clay\"\n", {"radius_m"});
+  ExpectRefused(clay + "[[mesh]]\nfile = \"missing.off\"\nmaterial = \"clay\"\n",
+                {"scene.toml:4:1", "missing.off"});
+  ExpectRefused(clay + "[[mesh]]\nfile = \"scene.toml\"\nmaterial = \"clay\"\n",
+                {".off, .obj, .ply"});
+  ExpectRefused("[material.c]\ndiffuse = [1, 1, 1]\n[material.c.texture]\nfile = \"missing.png\"\n",
+                {"scene.toml:4:1", "missing.png"});
+  Write("bad.png", "no picture at all");
+  ExpectRefused("[material.c]\ndiffuse = [1, 1, 1]\n[material.c.texture]\nfile = \"bad.png\"\n",
+                {"bad.png", "no PNG"});
+  ExpectRefused("this is no TOML", {"scene.toml:1"});
+  auto nowhere = LoadScene("nowhere.toml", directory_.string());
+  EXPECT_NE(nowhere.status().message().find("nowhere.toml"), std::string::npos) << nowhere.status();
+}
+
+TEST_F(SceneFiles, BadMeshesAreRefusedByFileAndElement) {
+  auto with = [](const std::string& file, const std::string& material) {
+    return "[material.m]\n" + material + "\n[[mesh]]\nfile = \"" + file +
+           "\"\nmaterial = \"m\"\nsize_m = 0.1\n";
+  };
+  const std::string grey = "diffuse = [0.5, 0.5, 0.5]", glass = "kind = \"glass\"",
+                    foam = "kind = \"medium\"\nmean_free_path_m = 0.01";
+  Write("open.off", "OFF\n4 3 0\n0 0 0\n2 0 0\n0 2 0\n0 0 2\n3 0 2 1\n3 0 1 3\n3 0 3 2\n");
+  EXPECT_TRUE(Load(with("open.off", grey)).ok());
+  ExpectRefused(with("open.off", glass), {"open.off", "not closed", "triangle"});
+  ExpectRefused(with("open.off", foam), {"open.off", "not closed", "triangle"});
+  Write("nan.off",
+        "OFF\n4 4 0\n0 0 0\n2 0 0\n0 nan 0\n0 0 2\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n");
+  ExpectRefused(with("nan.off", grey), {"nan.off", "vertex"});
+  Write("flat.off", "OFF\n4 2 0\n0 0 0\n1 0 0\n2 0 0\n0 1 0\n3 0 1 2\n3 0 1 3\n");
+  ExpectRefused(with("flat.off", grey), {"flat.off", "no area"});
+  Write("index.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n");
+  ExpectRefused(with("index.off", grey), {"index.off"});
+  Write("short.off", "OFF\n4 4 0\n0 0 0\n2 0");
+  ExpectRefused(with("short.off", grey), {"short.off"});
+  Write("empty.ply", "");
+  ExpectRefused(with("empty.ply", grey), {"empty.ply"});
+  Write("points.ply",
+        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty "
+        "float z\nend_header\n0 0 0\n1 1 1\n");
+  ExpectRefused(with("points.ply", grey), {"points.ply"});
+}
+
+// One quad in every format, with texture coordinates where the format has them.
+TEST_F(SceneFiles, MeshesComeInFourFormats) {
+  Write("q.off", "OFF\n4 1 0\n0 0 0\n1 0 0\n1 0 1\n0 0 1\n4 0 1 2 3\n");
+  Write("q.obj",
+        "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n");
+  Write("q.ply",
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty "
+        "float z\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 0 1\n0 0 1\n4 0 1 2 "
+        "3\n");
+  // Positions of the same quad with +Y up, then indices 0 1 2 0 2 3, as base64.
+  Write("q.gltf",
+        R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+    "meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
+    "accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
+                 {"bufferView":1,"componentType":5123,"count":6,"type":"SCALAR"}],
+    "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":12}],
+    "buffers":[{"byteLength":60,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAACAPwAAgD8AAAAAAAAAAAAAgD8AAAAAAAABAAIAAAACAAMA"}]})");
+  for (const char* name : {"q.off", "q.obj", "q.ply", "q.gltf"}) {
+    auto mesh = ReadMesh((directory_ / name).string(), Degrees(60));
+    ASSERT_TRUE(mesh.ok()) << mesh.status();
+    EXPECT_EQ(mesh->triangles.size(), 2u) << name;
+    Eigen::AlignedBox3f box;
+    for (const Vec3f& v : mesh->vertices) box.extend(v);
+    EXPECT_LT((box.sizes() - Vec3f(1, 0, 1)).norm(), 1e-6f) << name;
+    for (const Vec3f& n : mesh->normals)
+      EXPECT_LT((n - Vec3f(0, -1, 0)).norm(), 1e-6f) << name << " " << n.transpose();
+    EXPECT_EQ(mesh->uvs.empty(), std::string(name) != "q.obj") << name;
+  }
+  auto mesh = ReadMesh((directory_ / "q.obj").string(), Degrees(60));
+  for (size_t i = 0; i < mesh->vertices.size(); ++i) {
+    EXPECT_LT((mesh->uvs[i] - Vec2f(mesh->vertices[i].x(), mesh->vertices[i].z())).norm(), 1e-6f);
+  }
+}
+
+TEST(Texture, IsBilinearAndRepeats) {
+  Image picture(2, 2, 3);
+  picture.at(0, 1, 0) = 1;  // lower left is red
+  picture.at(1, 0, 1) = 1;  // upper right is green
+  EXPECT_LT((Lookup(picture, {0.25f, 0.25f}) - Rgb(1, 0, 0)).abs().maxCoeff(), 1e-6f);
+  EXPECT_LT((Lookup(picture, {0.75f, 0.75f}) - Rgb(0, 1, 0)).abs().maxCoeff(), 1e-6f);
+  EXPECT_LT((Lookup(picture, {0.5f, 0.5f}) - Rgb(0.25f, 0.25f, 0)).abs().maxCoeff(), 1e-6f);
+  EXPECT_LT((Lookup(picture, {3.25f, -4.75f}) - Rgb(1, 0, 0)).abs().maxCoeff(), 1e-6f);
+}
+
+// ---- Meshes that others made
+
+TEST_F(SceneFiles, TakesTheMeshesOfLibcgalDemo) {
+  const std::string archive = "/usr/share/doc/libcgal-dev/data.tar.gz";
+  ASSERT_TRUE(fs::exists(archive)) << "install Debian's libcgal-demo";
+  ASSERT_EQ(
+      std::system(("tar -xzf " + archive + " -C " + directory_.string() + " data/meshes").c_str()),
+      0);
+  int rendered = 0, refused = 0;
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory_ / "data/meshes")) {
+    const std::string extension = entry.path().extension().string();
+    if (extension != ".off" && extension != ".ply") continue;
+    auto description =
+        Load("[material.m]\ndiffuse = [0.7, 0.6, 0.5]\n[[mesh]]\nfile = \"data/meshes/" +
+             entry.path().filename().string() + "\"\nmaterial = \"m\"\nsize_m = 0.18\n");
+    absl::Status status = description.status();
+    if (status.ok()) {
+      auto scene = Scene::Build(*std::move(description));
+      status = scene.status();
+      if (scene.ok()) {
+        const Image image = Look(*scene);
+        EXPECT_GT(Mean(image), 1e-3) << entry.path();
+        for (float v : image.pixels()) ASSERT_TRUE(std::isfinite(v)) << entry.path();
+        ++rendered;
+        continue;
+      }
+    }
+    ++refused;
+    EXPECT_NE(status.message().find(entry.path().filename().string()), std::string::npos) << status;
+  }
+  EXPECT_GT(rendered, 120);
+  EXPECT_LT(refused, 20);
+}
+
+// ---- The shipped scenes
 
 TEST(Scenes, UnknownNameIsExplained) {
   auto scene = LoadScene("teapot", "");
@@ -11,21 +255,23 @@ TEST(Scenes, UnknownNameIsExplained) {
   EXPECT_NE(scene.status().message().find("default"), std::string::npos);
 }
 
-// Closed meshes, normals outward: seen from outside, every surface faces the viewer with its own side.
-TEST(Scenes, MeshesFaceOutward) {
-  auto description = LoadScene("default", "");
-  ASSERT_TRUE(description.ok());
-  for (const Mesh& mesh : description->meshes) {
-    if (mesh.triangles.size() == 2) continue;  // the floor
-    double volume = 0;
-    int against = 0;
-    for (const auto& t : mesh.triangles) {
-      const Vec3f &a = mesh.vertices[t[0]], &b = mesh.vertices[t[1]], &c = mesh.vertices[t[2]];
-      volume += a.cross(b).dot(c) / 6;
-      against += (b - a).cross(c - a).dot(mesh.normals[t[0]]) < 0;
+// Whatever is closed is closed the right way round; all of them build, and something is to be seen.
+TEST(Scenes, ShippedOnesAreSoundAndLit) {
+  for (const ShippedScene& shipped : ShippedScenes()) {
+    auto description = LoadScene(shipped.name, "");
+    ASSERT_TRUE(description.ok()) << shipped.name;
+    for (const Mesh& mesh : description->meshes) {
+      int against = 0;
+      for (const auto& t : mesh.triangles) {
+        const Vec3f &a = mesh.vertices[t[0]], &b = mesh.vertices[t[1]], &c = mesh.vertices[t[2]];
+        against += (b - a).cross(c - a).dot(mesh.normals[t[0]]) < 0;
+      }
+      EXPECT_LT(against, static_cast<int>(mesh.triangles.size() / 50 + 1))
+          << shipped.name << ": normals against faces";
     }
-    EXPECT_GT(volume, 0);
-    EXPECT_LT(against, static_cast<int>(mesh.triangles.size() / 50 + 1));
+    auto scene = Scene::Build(*std::move(description));
+    ASSERT_TRUE(scene.ok()) << shipped.name << ": " << scene.status();
+    EXPECT_GT(Mean(Look(*scene)), 0.02) << shipped.name;
   }
 }
 

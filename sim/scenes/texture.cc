@@ -16,11 +16,14 @@ namespace {
 constexpr int kLargest = 16384;
 
 absl::Status Wrong(const std::string& path, const std::string& why) {
-  return Error(absl::StatusCode::kInvalidArgument, "TEXTURE", absl::StrCat(path, ": ", why), {{"file", path}});
+  return Error(absl::StatusCode::kInvalidArgument, "TEXTURE", absl::StrCat(path, ": ", why),
+               {{"file", path}});
 }
 
 // IEC 61966-2-1.
-float FromSrgb(float v) { return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f); }
+float FromSrgb(float v) {
+  return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
+}
 
 absl::StatusOr<Image> DecodePng(const std::string& bytes, const std::string& path) {
   png_image png = {};
@@ -30,8 +33,8 @@ absl::StatusOr<Image> DecodePng(const std::string& bytes, const std::string& pat
   }
   if (png.width > kLargest || png.height > kLargest) {
     png_image_free(&png);
-    return Wrong(path, absl::StrCat("is ", png.width, " x ", png.height, " pixels; at most ", kLargest,
-                                    " x ", kLargest));
+    return Wrong(path, absl::StrCat("is ", png.width, " x ", png.height, " pixels; at most ",
+                                    kLargest, " x ", kLargest));
   }
   png.format = PNG_FORMAT_RGB;
   std::vector<png_byte> rgb(PNG_IMAGE_SIZE(png));
@@ -42,7 +45,8 @@ absl::StatusOr<Image> DecodePng(const std::string& bytes, const std::string& pat
   std::vector<float> linear(256);
   for (int i = 0; i < 256; ++i) linear[i] = FromSrgb(static_cast<float>(i) / 255);
   Image image(static_cast<int>(png.width), static_cast<int>(png.height), 3);
-  std::transform(rgb.begin(), rgb.end(), image.pixels().begin(), [&](png_byte v) { return linear[v]; });
+  std::transform(rgb.begin(), rgb.end(), image.pixels().begin(),
+                 [&](png_byte v) { return linear[v]; });
   return image;
 }
 
@@ -75,8 +79,10 @@ Rgb Lookup(const Image& picture, const Vec2f& uv) {
   Rgb sum = Rgb::Zero();
   for (int j = 0; j < 2; ++j) {
     for (int i = 0; i < 2; ++i) {
-      const int px = (static_cast<int>(left) + i + width) % width, py = (static_cast<int>(top) + j + height) % height;
-      const float weight = (i == 1 ? x - left : 1 - (x - left)) * (j == 1 ? y - top : 1 - (y - top));
+      const int px = (static_cast<int>(left) + i + width) % width,
+                py = (static_cast<int>(top) + j + height) % height;
+      const float weight =
+          (i == 1 ? x - left : 1 - (x - left)) * (j == 1 ? y - top : 1 - (y - top));
       sum += weight * Rgb(picture.at(px, py, 0), picture.at(px, py, 1), picture.at(px, py, 2));
     }
   }

@@ -22,6 +22,8 @@
 #include "sim/render/hash.h"
 #include "sim/render/illuminate.h"
 #include "sim/render/paths.h"
+#include "sim/rig/lenses.h"
+#include "sim/rig/world_scene.h"
 #include "sim/scenes/scenes.h"
 
 namespace lightstage::sim {
@@ -55,6 +57,9 @@ void Add(const Image& image, float share, Image* sum) {
 
 absl::StatusOr<AddLight> LightOf(const Flags& flags, const Scene& scene,
                                  const RigGeometry& geometry, const WorldOptions& options) {
+  const Pose pose{Degrees(flags.azimuth_deg), Degrees(flags.tilt_deg)};
+  // shared: the light may be copied, as functions are.
+  const std::shared_ptr<RTCSceneTy> parts = RigParts(geometry, options.parts).At(pose);
   if (flags.lamp >= 0) {
     const int count = static_cast<int>(geometry.brace.lamps.size());
     if (flags.lamp >= count) {
@@ -62,10 +67,14 @@ absl::StatusOr<AddLight> LightOf(const Flags& flags, const Scene& scene,
           absl::StatusCode::kInvalidArgument, "LAMP_UNKNOWN",
           absl::StrFormat("lamp %d does not exist: this rig has %d lamps", flags.lamp, count));
     }
-    return [&](const Paths& paths, uint64_t seed, float share, Image* sum) {
-      const DiscLight light = LampLight(geometry.brace, flags.lamp, Degrees(flags.azimuth_deg),
-                                        options.lamp_intensity_w_sr, seed);
-      Add(Illuminate(scene, paths, light), share, sum);
+    return [&, pose, parts](const Paths& paths, uint64_t seed, float share, Image* sum) {
+      const DiscLight light =
+          LampLight(geometry.brace, flags.lamp, pose.azimuth, options.lamps.intensity_w_sr, seed);
+      Image image = Illuminate(scene, paths, light, parts.get());
+      for (size_t i = 0; i < image.pixels().size(); ++i) {
+        image.pixels()[i] *= static_cast<float>(options.lamps.color[i % 3]);
+      }
+      Add(image, share, sum);
     };
   }
   if (!flags.pattern.empty()) {
@@ -76,12 +85,14 @@ absl::StatusOr<AddLight> LightOf(const Flags& flags, const Scene& scene,
     ASSIGN_OR_RETURN(v1::Pattern message, client::ParsePattern(flags.pattern));
     ASSIGN_OR_RETURN(Pattern pattern, rpc::FromMessage(message));
     RETURN_IF_ERROR(Validate(pattern));
-    Image raster = Rasterize(pattern, geometry.projector.width, geometry.projector.height);
-    const Pose pose{Degrees(flags.azimuth_deg), Degrees(flags.tilt_deg)};
-    return [&, pose, raster = std::move(raster)](const Paths& paths, uint64_t seed, float share, Image* sum) {
+    Image raster = Emitted(Rasterize(pattern, geometry.projector.width, geometry.projector.height),
+                           options.projector);
+    return [&, pose, parts, raster = std::move(raster)](const Paths& paths, uint64_t seed,
+                                                        float share, Image* sum) {
       const LensLight light =
-          ProjectorLight(geometry.projector, {}, pose, options.projector_intensity_w_sr, seed);
-      Illuminate(scene, paths, light).Add(raster, share, sum);
+          ProjectorLight(geometry.projector, LensOf(options.projector, geometry.projector), pose,
+                         options.projector.intensity_w_sr, seed);
+      Illuminate(scene, paths, light, parts.get()).Add(raster, share, sum);
     };
   }
   ASSIGN_OR_RETURN(Image picture, ReadExr(flags.environment));
@@ -108,19 +119,19 @@ absl::Status Render(const Flags& flags, std::ostream& out, std::ostream& err, bo
   std::shared_ptr<Simulation> simulation = RegisterBuiltinDrivers(drivers);
   ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadInput(flags.rig));
   ASSIGN_OR_RETURN(std::unique_ptr<RigFile> rig, ParseRigFile(text, flags.rig, drivers));
-  const WorldOptions options = simulation->options();
+  WorldOptions options = simulation->options();
+  if (!flags.scene.empty()) {
+    options.scene = flags.scene;
+    options.scene_directory = "";
+  }
   int width = rig->camera_options.config.width, height = rig->camera_options.config.height;
   if (!flags.size.empty()) RETURN_IF_ERROR(ParseSize(flags.size, &width, &height));
 
-  ASSIGN_OR_RETURN(SceneDescription description,
-                   flags.scene.empty() ? LoadScene(options.scene, options.scene_directory)
-                                       : LoadScene(flags.scene, ""));
-  ASSIGN_OR_RETURN(Scene scene, Scene::Build(std::move(description)));
+  ASSIGN_OR_RETURN(Scene scene, MakeWorldScene(options, rig->geometry));
   ASSIGN_OR_RETURN(AddLight add, LightOf(flags, scene, rig->geometry, options));
 
-  // A path has a few vertices more or less: this is the order of magnitude that is refused before it is tried.
-  const size_t at_once = static_cast<size_t>(std::min(flags.samples, kSamplesAtOnce));
-  const size_t bytes = size_t(width) * height * at_once * kVertexFloats * sizeof(float);
+  const size_t bytes =
+      PathBytes(width, height, std::min(flags.samples, kSamplesAtOnce), flags.bounces);
   if (bytes > kMostPathBytes) {
     return Error(absl::StatusCode::kResourceExhausted, "MEMORY",
                  absl::StrFormat("a picture of %d×%d takes %.1f GB for its paths, at most %.1f GB "
@@ -166,9 +177,16 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
   CLI::App app("Renders the simulated world: ground truth for captured and relit pictures",
                "lightstage-render");
   Flags flags;
-  app.footer(kFooter);
+  std::string scenes = "Scenes:\n";
+  for (const ShippedScene& scene : ShippedScenes()) {
+    absl::StrAppendFormat(&scenes, "  %-12s %s\n", scene.name, scene.what);
+  }
+  app.footer(scenes + kFooter);
   app.set_version_flag("--version", std::string("lightstage-render ") + kVersion);
-  app.add_option("SCENE", flags.scene, "Which scene");
+  app.add_option("SCENE", flags.scene, "Which scene")->check([](const std::string& scene) {
+    return IsSceneName(scene) ? std::string()
+                              : absl::StrCat("there is no scene '", scene, "'; --help lists them");
+  });
   app.add_option("--rig", flags.rig, "Rig file (TOML): geometry, camera, lights")->required();
   auto* light = app.add_option_group("light", "What shines; one of them");
   light->add_option("--lamp", flags.lamp, "This lamp at level 1")->check(CLI::NonNegativeNumber);

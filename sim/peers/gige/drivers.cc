@@ -69,6 +69,9 @@ void RegisterGigePeer(DriverRegistry& registry, const std::shared_ptr<Simulation
                const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Camera>> {
       ASSIGN_OR_RETURN(std::shared_ptr<World> world,
                        simulation->OpenWorld(*context.geometry, *context.clock));
+      if (absl::Status fits = world->CheckFilm({options.width, options.height}); !fits.ok()) {
+        return Annotate(fits, context.name);
+      }
       ASSIGN_OR_RETURN(std::unique_ptr<GigeCameraServer> server,
                        GigeCameraServer::Start(options, std::move(world)));
       ASSIGN_OR_RETURN(std::unique_ptr<Camera> camera, connect(context));

@@ -54,7 +54,7 @@ class Rig {
   }
 
   void Light(float first, float second, TimePoint at) {
-    world_->RampLamps(at, at, {first, second});
+    world_->RampLamps(at, {}, {}, {first, second});
   }
 
   absl::Status Ready(const CameraConfig& config) {
@@ -93,7 +93,7 @@ class Rig {
   std::unique_ptr<Camera> camera_;
 };
 
-constexpr char kNoNoise[] = "photon_noise = false\nread_noise_e = 0\n";
+constexpr char kNoNoise[] = "[simulation.sensor]\nphoton_noise = false\nread_noise_e = 0\n";
 
 // ---- Conformance, with exposures that really last
 

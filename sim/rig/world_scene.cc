@@ -1,0 +1,34 @@
+#include "sim/rig/world_scene.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "base/status.h"
+#include "sim/render/rig_parts.h"
+#include "sim/scenes/scenes.h"
+
+namespace lightstage::sim {
+
+absl::StatusOr<Scene> MakeWorldScene(const WorldOptions& options, const RigGeometry& geometry) {
+  ASSIGN_OR_RETURN(SceneDescription description, LoadScene(options.scene, options.scene_directory));
+  for (Mesh& mesh : CameraBody(geometry.camera, options.parts)) {
+    mesh.material = static_cast<int>(description.materials.size());
+    description.meshes.push_back(std::move(mesh));
+  }
+  description.materials.emplace_back();  // black
+  ASSIGN_OR_RETURN(Scene scene, Scene::Build(std::move(description)));
+  RETURN_IF_ERROR(scene.CheckOutside(geometry.camera.position.cast<float>(), "the camera"));
+  const BraceGeometry& brace = geometry.brace;
+  for (size_t i = 0; i < brace.lamps.size(); ++i) {
+    const Vec3 at = brace.radius.meters() * LampDirection(brace.lamps[i], Degrees(0));
+    RETURN_IF_ERROR(scene.CheckOutside(at.cast<float>(), absl::StrCat("lamp ", i)));
+  }
+  return scene;
+}
+
+LensOptions LensOf(const ProjectorOptics& optics, const ProjectorGeometry& projector) {
+  return {Meters(optics.lens_radius_m),
+          optics.focus_m > 0 ? Meters(optics.focus_m) : projector.distance};
+}
+
+}  // namespace lightstage::sim
