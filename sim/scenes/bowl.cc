@@ -34,9 +34,9 @@ std::vector<Vec2f> BowlProfile(float radius, float thickness) {
 SceneDescription Bowl() {
   Builder b;
   PutGround(&b);
-  constexpr float kRadius = 0.105f;
+  constexpr float kRadius = 0.096f;
   // Half a sphere, its axis towards the camera.
-  const Vec3f center(0, 0.030f, 0.110f);
+  const Vec3f center(0, 0, 0.0985f);
   const Vec3f axis = (Vec3f(0, -1.1f, 0.55f) - center).normalized();
   Eigen::Affine3f pose(Eigen::Translation3f(center) *
                        Eigen::Quaternionf::FromTwoVectors(Vec3f::UnitZ(), axis) *
@@ -46,9 +46,9 @@ SceneDescription Bowl() {
   // Two rails carry it, and an upright behind keeps it from rolling over.
   const int dark = b.Plastic(Rgb(0.07f, 0.06f, 0.06f), 0.3f);
   for (float side : {-1.0f, 1.0f}) {
-    b.Put(Box({0.050f * side, 0.062f, 0.012f}, {0.006f, 0.085f, 0.012f}), dark);
+    b.Put(Box({0.050f * side, 0.030f, 0.0065f}, {0.006f, 0.075f, 0.0065f}), dark);
   }
-  b.Put(Box({0, 0.140f, 0.030f}, {0.070f, 0.008f, 0.030f}), dark);
+  b.Put(Box({0, 0.100f, 0.028f}, {0.070f, 0.008f, 0.028f}), dark);
   return b.Take();
 }
 

@@ -20,33 +20,39 @@ float Face(const Vec3f& d) {
   r -= 0.10f * std::pow(std::max(0.0f, -d.z()), 2.0f) * std::abs(d.x());
   r -= Hill(d, {0, -1, -0.15f}, 0.55f, 0.05f);
   for (float x : {-1.0f, 1.0f}) {
-    r -= Hill(d, {0.34f * x, -1, 0.10f}, 0.17f, 0.110f);     // sockets
-    r += Hill(d, {0.33f * x, -1, 0.085f}, 0.085f, 0.065f);   // eyes
-    r += Hill(d, {0.32f * x, -1, 0.30f}, 0.16f, 0.035f);     // brows
-    r += Hill(d, {0.50f * x, -1, -0.22f}, 0.20f, 0.045f);    // cheeks
-    r += Hill(d, {0.085f * x, -1, -0.215f}, 0.055f, 0.06f);  // nostrils
-    r += Hill(d, {1.0f * x, 0.12f, -0.02f}, 0.16f, 0.13f);   // ears
-    r -= Hill(d, {1.0f * x, -0.10f, 0.0f}, 0.12f, 0.05f);
+    r -= Hill(d, {0.33f * x, -1, 0.02f}, 0.19f, 0.075f);    // sockets
+    r += Hill(d, {0.31f * x, -1, 0.02f}, 0.10f, 0.050f);    // eyes
+    r -= Hill(d, {0.31f * x, -1, -0.035f}, 0.05f, 0.012f);  // under the lids
+    r += Hill(d, {0.22f * x, -1, 0.20f}, 0.11f, 0.022f);    // brows
+    r += Hill(d, {0.40f * x, -1, 0.20f}, 0.11f, 0.022f);
+    r += Hill(d, {0.52f * x, -1, -0.30f}, 0.22f, 0.040f);    // cheeks
+    r += Hill(d, {0.095f * x, -1, -0.335f}, 0.06f, 0.045f);  // nostrils
+    r += Hill(d, {0.07f * x, -1, -0.55f}, 0.08f, 0.030f);    // lips
+    r += Hill(d, {0.06f * x, -1, -0.72f}, 0.09f, 0.034f);
+    r -= Hill(d, {0.07f * x, -1, -0.63f}, 0.045f, 0.030f);
+    r -= Hill(d, {0.20f * x, -1, -0.63f}, 0.06f, 0.025f);
+    r += Hill(d, {1.0f * x, 0.12f, -0.05f}, 0.16f, 0.13f);  // ears
+    r -= Hill(d, {1.0f * x, -0.05f, -0.03f}, 0.09f, 0.05f);
   }
   // The nose: a ridge that grows downwards.
   for (int i = 0; i < 8; ++i) {
     auto f = static_cast<float>(i) / 7;
-    r += Hill(d, {0, -1, 0.16f - 0.36f * f}, 0.075f, 0.03f + 0.065f * f * f);
+    r += Hill(d, {0, -1, 0.12f - 0.45f * f}, 0.08f, 0.022f + 0.050f * f * f);
   }
-  r += Hill(d, {0, -1, -0.385f}, 0.10f, 0.035f) + Hill(d, {0.09f, -1, -0.39f}, 0.09f, 0.02f) +
-       Hill(d, {-0.09f, -1, -0.39f}, 0.09f, 0.02f);  // upper lip
-  r += Hill(d, {0, -1, -0.515f}, 0.12f, 0.055f);     // lower lip
-  r += Hill(d, {0, -0.92f, -0.78f}, 0.20f, 0.105f);  // chin
+  r += Hill(d, {0, -1, -1.15f}, 0.24f, 0.110f);  // chin
   // Hair, combed back in waves.
-  const float hair = std::clamp(6 * (d.z() + 0.62f * d.y() - 0.02f), 0.0f, 1.0f);
-  r += hair * (0.055f + 0.014f * std::sin(26 * d.x() + 5 * std::sin(5 * d.y() + 2 * d.z())));
+  const float hair = std::clamp(5 * (d.z() + 0.75f * d.y() - 0.08f), 0.0f, 1.0f);
+  r += hair * (0.040f + 0.014f * std::sin(26 * d.x() + 5 * std::sin(5 * d.y() + 2 * d.z())));
   return r;
 }
 
 void PutBust(Builder* b) {
   const int stone = b->Plastic(Rgb(0.66f, 0.58f, 0.46f), 0.45f);
-  const Vec3f head(0, -0.004f, 0.137f);
-  b->Put(Blob(head, {0.0335f, 0.0400f, 0.0460f}, 384, Face), stone);
+  // It looks up a little, and aside.
+  const Eigen::Affine3f head(Eigen::Translation3f(0, -0.004f, 0.137f) *
+                             Eigen::AngleAxisf(0.25f, Vec3f::UnitZ()) *
+                             Eigen::AngleAxisf(-0.20f, Vec3f::UnitX()));
+  b->Put(Transformed(Blob(Vec3f::Zero(), {0.0335f, 0.0400f, 0.0460f}, 384, Face), head), stone);
   // Neck, shoulders and breast, cut off below as busts are.
   b->Put(Loft({{{0, 0.012f, 0.040f}, {0.026f, 0, 0}, {0, 0.020f, 0}},
                {{0, 0.011f, 0.050f}, {0.046f, 0, 0}, {0, 0.027f, 0}},

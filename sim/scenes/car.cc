@@ -48,13 +48,13 @@ bool Seven(float x, float y) {
 Rgb Paint(const SurfacePoint& at) {
   const Vec3f p = CarPose().inverse() * at.position;
   const Rgb white = Rgb::Constant(0.80f), black = Rgb::Constant(0.02f), red(0.50f, 0.012f, 0.015f);
-  if (p.z() < 0.075f && p.z() > 0.02f && Cockpit(p) < 0.97f && p.z() > 0.049f) return black;
-  // A white ring around the mouth, and roundels on the nose's top and sides.
+  if (p.z() > 0.049f && p.z() < 0.075f && Cockpit(p) < 0.97f) return black;
+  // A white ring around the mouth, and a number on the nose.
   if (p.x() > 0.1315f) return white;
   const float top = std::hypot(p.x() - 0.1f, p.y());
   if (p.z() > 0.045f && top < 0.0115f) {
     // Read from before the car.
-    return Seven(1.1f * -p.y(), 1.1f * (0.1f - p.x())) ? black : white;
+    return Seven(1.1f * p.y(), 1.1f * (0.1f - p.x())) ? black : white;
   }
   return red;
 }

@@ -10,7 +10,8 @@ namespace lightstage::sim {
 namespace {
 
 constexpr float kPi = std::numbers::pi_v<float>;
-constexpr float kSquare = 0.031f, kTop = 0.016f, kYaw = 0.42f;
+constexpr float kSquare = 0.030f, kTop = 0.016f, kYaw = 0.38f;
+constexpr float kMiddleY = 0.022f;
 
 // Pieces are described in millimetres.
 constexpr float kMillimetre = 0.001f;
@@ -147,8 +148,9 @@ Mesh Knight() {
 
 Rgb Squares(const SurfacePoint& at) {
   // The board's own axes, in squares.
-  Vec2f p(std::cos(kYaw) * at.position.x() + std::sin(kYaw) * at.position.y(),
-          std::cos(kYaw) * at.position.y() - std::sin(kYaw) * at.position.x());
+  const Vec2f q = at.position.head<2>() - Vec2f(0, kMiddleY);
+  Vec2f p(std::cos(kYaw) * q.x() + std::sin(kYaw) * q.y(),
+          std::cos(kYaw) * q.y() - std::sin(kYaw) * q.x());
   p /= kSquare;
   const float edge = p.cwiseAbs().maxCoeff();
   const Rgb grain = Wood({.position = {p.y() * kSquare, 0.7f * p.x() * kSquare, 0}});
@@ -167,7 +169,7 @@ struct Place {
 void PutPieces(Builder* b, Mesh piece, int material, const std::vector<Place>& places) {
   const Eigen::AngleAxisf board(kYaw, Vec3f::UnitZ());
   for (const Place& place : places) {
-    Eigen::Affine3f pose(Eigen::Translation3f(0, 0, kTop) * board *
+    Eigen::Affine3f pose(Eigen::Translation3f(0, kMiddleY, kTop) * board *
                          Eigen::Translation3f(kSquare * place.file, kSquare * place.rank, 0) *
                          Eigen::AngleAxisf(place.turn, Vec3f::UnitZ()) *
                          Eigen::UniformScaling<float>(kMillimetre));
@@ -181,7 +183,8 @@ void PutPieces(Builder* b, Mesh piece, int material, const std::vector<Place>& p
 SceneDescription Chess() {
   Builder b;
   PutGround(&b);
-  b.Put(Box({0, 0, 0.5f * kTop}, {4.5f * kSquare, 4.5f * kSquare, 0.5f * kTop}, kYaw),
+  b.Put(Box({0, kMiddleY, 0.5f * kTop}, {4.5f * kSquare, 4.5f * kSquare, 0.5f * kTop},
+            kYaw),
         b.Add({.diffuse = Rgb::Ones(),
                .specular = Rgb::Constant(0.04f),
                .roughness = 0.3f,

@@ -52,14 +52,10 @@ float Crumple(const Vec2f& p) {
 Mesh Paper() {
   return Surface(300, 270, false, false, [](float s, float t) {
     const Vec2f p((2 * s - 1) * kHalfX, (2 * t - 1) * kHalfY);
-    // Smoothed a little, as paper does not fold to a razor's edge; and glued down along its edges.
-    float height = 0;
-    for (float x : {-0.0003f, 0.0003f}) {
-      for (float y : {-0.0003f, 0.0003f}) height += 0.25f * Crumple(p + Vec2f(x, y));
-    }
+    // Glued down along its edges.
     const float edge = 2 * std::min({s, 1 - s, t, 1 - t});
-    height = std::clamp(0.0052f + height, 0.0004f, 0.0110f);
-    return Vec3f(p.x(), p.y(), 0.0003f + height * std::min(1.0f, 12 * edge));
+    const float height = std::clamp(0.0052f + Crumple(p), 0.0004f, 0.0110f);
+    return Vec3f(p.x(), p.y(), 0.0003f + height * std::min(1.0f, 16 * edge));
   });
 }
 
@@ -197,7 +193,7 @@ SceneDescription Materials() {
   }
   // What it leans on.
   b.Put(Box({0, 0.060f, 0.055f}, {0.090f, 0.006f, 0.055f}), frame);
-  b.Put(Box({0, 0.005f, 0.004f}, {0.100f, 0.105f, 0.004f}), frame);
+  b.Put(Box({0, 0.020f, 0.004f}, {0.100f, 0.085f, 0.004f}), frame);
   auto quadrant = [&](float x, float y) {
     return Eigen::Affine3f(pose * Eigen::Translation3f(kX * x, kY * y, 0));
   };

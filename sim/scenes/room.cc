@@ -80,7 +80,7 @@ class Furniture {
 
   // On the wall behind the camera, which the ball shows in its middle.
   void Picture() {
-    constexpr float kX = 0.35f, kZ = 0.85f, kHalfX = 0.55f, kHalfZ = 0.42f;
+    constexpr float kX = 0.60f, kZ = 0.85f, kHalfX = 0.55f, kHalfZ = 0.42f;
     b_->Put(Box({kX, -kWall + 0.02f, kZ}, {kHalfX + 0.05f, 0.02f, kHalfZ + 0.05f}), dark_);
     b_->Put(Box({kX, -kWall + 0.025f, kZ}, {kHalfX, 0.02f, kHalfZ}),
             b_->Matte(Rgb::Ones(), [](const SurfacePoint& at) {
@@ -155,32 +155,87 @@ class Furniture {
     }
   }
 
-  // Against +Y's wall: the camera sees it beside the ball.
-  void Sofa() {
+  // Against -Y's wall, under the picture.
+  void Sofa(float x) {
     const int cloth = b_->Matte({0.12f, 0.26f, 0.44f});
-    const float y = kWall - 0.45f;
-    auto cushion = [&](const Vec3f& center, const Vec3f& half, int material) {
-      b_->Put(
-          Loft(
-              {{center - Vec3f(half.x(), 0, 0), {0, 0.86f * half.y(), 0}, {0, 0, 0.86f * half.z()}},
-               {center - Vec3f(0.93f * half.x(), 0, 0), {0, half.y(), 0}, {0, 0, half.z()}},
-               {center + Vec3f(0.93f * half.x(), 0, 0), {0, half.y(), 0}, {0, 0, half.z()}},
-               {center + Vec3f(half.x(), 0, 0),
-                {0, 0.86f * half.y(), 0},
-                {0, 0, 0.86f * half.z()}}},
-              48, 6, 6),
-          material);
+    const float y = -kWall + 0.42f;
+    auto cushion = [&](const Vec3f& center, const Vec3f& half) {
+      auto rib = [&](float along, float size) {
+        return Section{center + Vec3f(along * half.x(), 0, 0),
+                       {0, size * half.y(), 0},
+                       {0, 0, size * half.z()}};
+      };
+      b_->Put(Loft({rib(-1, 0.86f), rib(-0.93f, 1), rib(0.93f, 1), rib(1, 0.86f)}, 48, 6, 6),
+              cloth);
     };
-    b_->Put(Box({0, y, kFloor + 0.12f}, {0.92f, 0.38f, 0.10f}), dark_);
+    b_->Put(Box({x, y, kFloor + 0.12f}, {0.90f, 0.38f, 0.10f}), dark_);
     for (float side : {-1.0f, 1.0f}) {
-      cushion({0.41f * side, y - 0.04f, kFloor + 0.31f}, {0.405f, 0.36f, 0.10f}, cloth);
-      cushion({0.41f * side, y + 0.27f, kFloor + 0.58f}, {0.405f, 0.10f, 0.22f}, cloth);
-      cushion({0.93f * side, y, kFloor + 0.32f}, {0.10f, 0.39f, 0.27f}, cloth);
+      cushion({x + 0.41f * side, y + 0.04f, kFloor + 0.31f}, {0.405f, 0.36f, 0.10f});
+      cushion({x + 0.41f * side, y - 0.27f, kFloor + 0.58f}, {0.405f, 0.10f, 0.22f});
+      cushion({x + 0.90f * side, y, kFloor + 0.32f}, {0.10f, 0.39f, 0.27f});
     }
     b_->Put(Transformed(Blob(Vec3f::Zero(), {0.20f, 0.08f, 0.19f}, 64),
-                        Eigen::Affine3f(Eigen::Translation3f(-0.50f, y + 0.10f, kFloor + 0.59f) *
-                                        Eigen::AngleAxisf(-0.35f, Vec3f::UnitX()))),
+                        Eigen::Affine3f(Eigen::Translation3f(x - 0.45f, y - 0.08f, kFloor + 0.59f) *
+                                        Eigen::AngleAxisf(0.35f, Vec3f::UnitX()))),
             b_->Matte({0.80f, 0.42f, 0.10f}));
+  }
+
+  // On the floor behind the ball, where the camera sees it: a basket of wool, and books.
+  void Corner() {
+    const Vec3f basket(-0.40f, 1.72f, kFloor);
+    b_->Put(Lathe(basket,
+                  Rounded({{0.11f, 0},
+                           {0.11f, 0},
+                           {0.15f, 0.10f},
+                           {0.16f, 0.17f},
+                           {0.16f, 0.17f},
+                           {0.15f, 0.17f},
+                           {0.15f, 0.17f},
+                           {0.14f, 0.10f},
+                           {0.10f, 0.02f}},
+                          6),
+                  96),
+            b_->Matte(Rgb::Ones(), [basket](const SurfacePoint& at) -> Rgb {
+              const Vec3f p = at.position - basket;
+              const float around = 28 * std::atan2(p.y(), p.x()) / kPi;
+              const float up = std::floor(p.z() / 0.022f);
+              const bool over = std::fmod(std::floor(around) + up + 100, 2.0f) == 0;
+              return Rgb(0.62f, 0.44f, 0.22f) * (over ? 1.0f : 0.6f);
+            }));
+    const std::array<Rgb, 5> wool = {Rgb(0.65f, 0.10f, 0.10f), Rgb(0.85f, 0.62f, 0.12f),
+                                     Rgb(0.15f, 0.42f, 0.38f), Rgb(0.80f, 0.78f, 0.72f),
+                                     Rgb(0.36f, 0.14f, 0.40f)};
+    for (size_t i = 0; i < wool.size(); ++i) {
+      const float a = 2 * kPi * static_cast<float>(i) / 4;
+      const float out = i < 4 ? 0.074f : 0.0f, z = i < 4 ? 0.155f : 0.205f;
+      b_->PutBall(basket + Vec3f(out * std::cos(a), out * std::sin(a), z), 0.062f,
+                  b_->Matte(wool[i]));
+    }
+    const std::array<Rgb, 5> covers = {Rgb(0.10f, 0.20f, 0.45f), Rgb(0.74f, 0.64f, 0.42f),
+                                       Rgb(0.60f, 0.10f, 0.08f), Rgb(0.12f, 0.34f, 0.16f),
+                                       Rgb(0.72f, 0.38f, 0.08f)};
+    float z = kFloor;
+    for (size_t i = 0; i < covers.size(); ++i) {
+      const float thick = 0.016f + 0.012f * UnitFloat(Mix(i + 40));
+      const float yaw = 0.5f * (UnitFloat(Mix(i + 50)) - 0.5f);
+      const Vec3f center(0.40f, 1.70f, z + thick), half(0.150f, 0.105f, thick);
+      b_->Put(Box(center, half, yaw), b_->Matte(covers[i]));
+      // The pages, a little less high and proud of the cover.
+      b_->Put(Box(center, half + Vec3f(0.002f, 0.002f, -0.005f), yaw), white_);
+      z += 2 * thick;
+    }
+    // A cup on them.
+    b_->Put(Lathe({0.37f, 1.68f, z}, Rounded({{0.030f, 0},
+                                              {0.030f, 0},
+                                              {0.042f, 0.030f},
+                                              {0.045f, 0.085f},
+                                              {0.045f, 0.085f},
+                                              {0.041f, 0.085f},
+                                              {0.041f, 0.085f},
+                                              {0.037f, 0.030f},
+                                              {0.020f, 0.008f}},
+                                             6)),
+            b_->Plastic({0.78f, 0.76f, 0.70f}, 0.15f));
   }
 
   // In a corner, with leaves that arch.
@@ -239,7 +294,8 @@ SceneDescription Room() {
   Furniture furniture(&b);
   furniture.Picture();
   furniture.Shelf();
-  furniture.Sofa();
+  furniture.Sofa(1.05f);
+  furniture.Corner();
   furniture.Rug();
   furniture.Table({-1.15f, -1.20f, kFloor}, 0.55f, 0.38f, 0.74f);
   furniture.Chair({-1.10f, -0.70f, kFloor}, 0.15f);
