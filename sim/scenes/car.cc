@@ -14,8 +14,9 @@ constexpr float kPi = std::numbers::pi_v<float>;
 
 // The car's own frame: X forward, Y to its left, the road at z = 0.
 Eigen::Affine3f CarPose() {
-  return Eigen::Affine3f(Eigen::Translation3f(-0.004f, 0.012f, 0) *
-                         Eigen::AngleAxisf(-0.82f, Vec3f::UnitZ()));
+  return Eigen::Affine3f(Eigen::Translation3f(-0.002f, 0.034f, 0) *
+                         Eigen::AngleAxisf(-0.82f, Vec3f::UnitZ()) *
+                         Eigen::UniformScaling<float>(1.16f));
 }
 
 // How far along and to the side of the cockpit's middle, 1 at its edge.
@@ -202,7 +203,7 @@ SceneDescription Car() {
   PutGround(&b);
   const Eigen::Affine3f pose = CarPose();
   auto put = [&](Mesh mesh, int material) { b.Put(Transformed(std::move(mesh), pose), material); };
-  const Paints paints = {.steel = b.Metal({0.72f, 0.71f, 0.69f}, 0.14f),
+  const Paints paints = {.steel = b.Metal({0.72f, 0.71f, 0.69f}, 0.22f),
                          .dull = b.Metal({0.32f, 0.31f, 0.30f}, 0.35f),
                          .black = b.Plastic(Rgb::Constant(0.02f), 0.15f),
                          .red = b.Plastic({0.60f, 0.42f, 0.03f}, 0.2f)};

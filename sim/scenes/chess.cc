@@ -183,8 +183,7 @@ void PutPieces(Builder* b, Mesh piece, int material, const std::vector<Place>& p
 SceneDescription Chess() {
   Builder b;
   PutGround(&b);
-  b.Put(Box({0, kMiddleY, 0.5f * kTop}, {4.5f * kSquare, 4.5f * kSquare, 0.5f * kTop},
-            kYaw),
+  b.Put(Box({0, kMiddleY, 0.5f * kTop}, {4.5f * kSquare, 4.5f * kSquare, 0.5f * kTop}, kYaw),
         b.Add({.diffuse = Rgb::Ones(),
                .specular = Rgb::Constant(0.04f),
                .roughness = 0.3f,

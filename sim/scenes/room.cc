@@ -74,7 +74,7 @@ class Furniture {
  public:
   explicit Furniture(Builder* b)
       : b_(b),
-        oak_(b->Matte(Rgb(1.05f, 1.0f, 0.9f).min(1), Wood)),
+        oak_(b->Matte(Rgb(1, 1, 0.9f), Wood)),
         dark_(b->Plastic({0.11f, 0.055f, 0.03f}, 0.35f)),
         white_(b->Matte(Rgb::Constant(0.78f))) {}
 
@@ -165,7 +165,9 @@ class Furniture {
                        {0, size * half.y(), 0},
                        {0, 0, size * half.z()}};
       };
-      b_->Put(Loft({rib(-1, 0.86f), rib(-0.93f, 1), rib(0.93f, 1), rib(1, 0.86f)}, 48, 6, 6),
+      b_->Put(Loft({rib(-1, 0.55f), rib(-0.985f, 0.78f), rib(-0.95f, 0.93f), rib(-0.85f, 1),
+                    rib(0.85f, 1), rib(0.95f, 0.93f), rib(0.985f, 0.78f), rib(1, 0.55f)},
+                   64, 6, 5),
               cloth);
     };
     b_->Put(Box({x, y, kFloor + 0.12f}, {0.90f, 0.38f, 0.10f}), dark_);
@@ -288,9 +290,10 @@ class Furniture {
 
 SceneDescription Room() {
   Builder b;
-  b.Put(InsideOut(
-            Box({0, 0, 0.5f * (kFloor + kCeiling)}, {kWall, kWall, 0.5f * (kCeiling - kFloor)})),
-        b.Matte(Rgb::Ones(), Walls));
+  Mesh shell = InsideOut(
+      Box({0, 0, 0.5f * (kFloor + kCeiling)}, {kWall, kWall, 0.5f * (kCeiling - kFloor)}));
+  shell.name = "walls";
+  b.Put(std::move(shell), b.Matte(Rgb::Ones(), Walls));
   Furniture furniture(&b);
   furniture.Picture();
   furniture.Shelf();

@@ -65,7 +65,7 @@ void Grow(const std::vector<Part>& parts, size_t which, float length, Mesh* fur)
   const Part& part = parts[which];
   const Eigen::Matrix3f& turn = part.turn;
   const Vec3f& r = part.radii;
-  constexpr float kPerArea = 1.1e6f;  // 1/m²
+  constexpr float kPerArea = 0.80e6f;  // 1/m²
   // Thomsen's mean of the radii; good to a percent.
   auto mean = [](float a, float b, float c) {
     return std::pow((std::pow(a * b, 1.6f) + std::pow(a * c, 1.6f) + std::pow(b * c, 1.6f)) / 3,
@@ -94,7 +94,7 @@ void Grow(const std::vector<Part>& parts, size_t which, float length, Mesh* fur)
     const Vec3f way = (skin + Vec3f(0, 0, -0.35f) + 0.28f * tuft + 0.8f * own).normalized();
     Vec3f tip = root + length * (0.7f + 0.6f * random(4)) * way;
     tip.z() = std::max(tip.z(), 0.0003f);
-    AddHair(root - 0.0006f * skin, tip, skin, 0.00034f, random(5), fur);
+    AddHair(root - 0.0006f * skin, tip, skin, 0.00038f, random(5), fur);
   }
 }
 
@@ -111,14 +111,14 @@ void PutFurry(const std::vector<Part>& parts, size_t first, size_t last, float l
               const Coat& coat, Builder* b) {
   Mesh fur;
   for (size_t i = first; i < last; ++i) {
-    b->Put(Transformed(Blob(Vec3f::Zero(), parts[i].radii, 96), parts[i].Pose()), coat.skin);
+    b->Put(Transformed(Blob(Vec3f::Zero(), parts[i].radii, 48), parts[i].Pose()), coat.skin);
     Grow(parts, i, length, &fur);
   }
   b->Put(std::move(fur), coat.hair);
 }
 
 void PutBear(Builder* b) {
-  const Vec3f at(-0.068f, 0.012f, 0);
+  const Vec3f at(-0.068f, 0.012f, -0.0025f);
   std::vector<Part> parts = {
       {{0, 0, 0.053f}, {0.043f, 0.038f, 0.050f}},                                      // body
       {{0, -0.008f, 0.124f}, {0.039f, 0.035f, 0.036f}},                                // head
@@ -180,7 +180,7 @@ Rgb Stripes(const SurfacePoint& at) {
 }
 
 void PutRabbit(Builder* b) {
-  const Vec3f at(0.066f, 0.010f, 0);
+  const Vec3f at(0.066f, 0.010f, -0.0012f);
   const int blue = b->Matte({0.30f, 0.42f, 0.56f});
   const int white = b->Matte({0.80f, 0.77f, 0.72f});
   const int pink = b->Matte({0.76f, 0.42f, 0.40f});
@@ -188,22 +188,22 @@ void PutRabbit(Builder* b) {
     part.center += at;
     PutTerry(part, segments, material, b);
   };
-  put({{0, 0, 0.047f}, {0.037f, 0.034f, 0.046f}}, 288, blue);
-  put({{0, -0.008f, 0.110f}, {0.034f, 0.031f, 0.031f}}, 256, blue);
-  put({{0, -0.020f, 0.042f}, {0.026f, 0.0175f, 0.032f}}, 160, white);
+  put({{0, 0, 0.047f}, {0.037f, 0.034f, 0.046f}}, 260, blue);
+  put({{0, -0.008f, 0.110f}, {0.034f, 0.031f, 0.031f}}, 232, blue);
+  put({{0, -0.020f, 0.042f}, {0.026f, 0.0175f, 0.032f}}, 144, white);
   for (float side : {-1.0f, 1.0f}) {
     put({{0.012f * side, -0.034f, 0.101f}, {0.0125f, 0.0105f, 0.0100f}}, 96, white);  // cheeks
     put({{0.037f * side, -0.014f, 0.060f},
          {0.0115f, 0.0120f, 0.0270f},
          Turn(-0.45f, -0.35f * side)},
-        160, blue);
-    put({{0.026f * side, -0.043f, 0.0165f}, {0.0155f, 0.0310f, 0.0160f}}, 176, blue);
+        144, blue);
+    put({{0.026f * side, -0.043f, 0.0165f}, {0.0155f, 0.0310f, 0.0160f}}, 158, blue);
     put({{0.026f * side, -0.0685f, 0.0170f}, {0.0100f, 0.0065f, 0.0105f}}, 80, pink);
     // Ears, one of them tired.
     const float lean = side > 0 ? 0.75f : -0.14f;
     const Vec3f root(0.014f * side, 0.002f, 0.134f);
     const Vec3f along(std::sin(lean), 0, std::cos(lean));
-    put({root + 0.030f * along, {0.0125f, 0.0065f, 0.0370f}, Turn(0, lean)}, 176, blue);
+    put({root + 0.030f * along, {0.0125f, 0.0065f, 0.0370f}, Turn(0, lean)}, 158, blue);
     put({root + 0.031f * along + Vec3f(0, -0.0046f, 0), {0.0080f, 0.0035f, 0.0290f}, Turn(0, lean)},
         96, pink);
   }
