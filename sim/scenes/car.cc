@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <utility>
 #include <vector>
@@ -150,7 +151,7 @@ Mesh Coil(const Vec3f& from, const Vec3f& to) {
 }
 
 struct Paints {
-  int steel, dull, black, red;
+  int steel, dull, black, spring;
 };
 
 // One corner's links between the body and a wheel at `hub`, on the side of its y.
@@ -177,7 +178,7 @@ void PutSuspension(const Vec3f& hub, float reach, const Paints& paints,
       paints.dull);
   const Vec3f low(hub.x(), end - 0.004f * side, hub.z() - 0.008f);
   const Vec3f up(hub.x(), 0.026f * side, hub.z() + 0.024f);
-  put(Coil(low + 0.12f * (up - low), low + 0.88f * (up - low)), paints.red);
+  put(Coil(low + 0.12f * (up - low), low + 0.88f * (up - low)), paints.spring);
   put(Rod(low, up, 0.0019f), paints.steel);
 }
 
@@ -206,7 +207,7 @@ SceneDescription Car() {
   const Paints paints = {.steel = b.Metal({0.72f, 0.71f, 0.69f}, 0.22f),
                          .dull = b.Metal({0.32f, 0.31f, 0.30f}, 0.35f),
                          .black = b.Plastic(Rgb::Constant(0.02f), 0.15f),
-                         .red = b.Plastic({0.60f, 0.42f, 0.03f}, 0.2f)};
+                         .spring = b.Plastic({0.60f, 0.42f, 0.03f}, 0.2f)};
   put(Body(), b.Add({.diffuse = Rgb::Ones(),
                      .specular = Rgb::Constant(0.05f),
                      .roughness = 0.06f,
