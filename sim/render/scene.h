@@ -11,6 +11,8 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -29,6 +31,23 @@ struct SurfacePoint {
       Zero();  // the mesh's own; a ball's: azimuth and height, each [0,1]; (0, 0) where there is none
 };
 
+// A colour in [0,1] by place; none: white.
+class Texture {
+ public:
+  Texture() = default;
+  template <class F>
+    requires(!std::is_same_v<F, Texture>)
+  Texture(F lookup) : lookup_(std::move(lookup)) {  // NOLINT: a lambda is one
+    static_assert(std::is_same_v<std::invoke_result_t<F, const SurfacePoint&>, Rgb>,
+                  "must return Rgb itself (-> Rgb): an Eigen expression would refer to what is gone");
+  }
+  explicit operator bool() const { return lookup_ != nullptr; }
+  Rgb operator()(const SurfacePoint& at) const { return lookup_(at); }
+
+ private:
+  std::function<Rgb(const SurfacePoint&)> lookup_;
+};
+
 struct Material {
   enum class Kind {
     kSurface,  // Lambertian, with a GGX layer if `specular` is not 0 (bsdf.inc): matte, plastic, rough metal
@@ -45,8 +64,8 @@ struct Material {
   float extinction = 0;        // of a medium, 1/m: the inverse of its mean free path
   float anisotropy =
       0;  // of a medium: mean cosine of the scattering angle (Henyey-Greenstein), (−1,1)
-  // Multiplies the colour: `diffuse` and, if that is black or there is none, `specular`; what glass lets through. None: 1.
-  std::function<Rgb(const SurfacePoint&)> texture;
+  // Multiplies the colour: `diffuse` and, if that is black or there is none, `specular`; what glass lets through.
+  Texture texture;
 };
 
 struct Mesh {

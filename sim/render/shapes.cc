@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace lightstage::sim {
 namespace {
@@ -34,6 +35,16 @@ void AddQuad(Mesh* mesh, const Vec3f& a, const Vec3f& b, const Vec3f& c, const V
   }
   mesh->triangles.push_back({first, first + 1, first + 2});
   mesh->triangles.push_back({first, first + 2, first + 3});
+}
+
+// Catmull and Rom's curve through the points between `points[k]` and the next one.
+template <typename Vector>
+Vector Between(const std::vector<Vector>& points, size_t k, float t) {
+  const size_t last = points.size() - 1;
+  const Vector &b = points[k], &c = points[std::min(k + 1, last)];
+  // The ends, and points given twice, are corners.
+  Vector a = k > 0 ? points[k - 1] : b, d = points[std::min(k + 2, last)];
+  return b + 0.5f * t * ((c - a) + t * ((2 * a - 5 * b + 4 * c - d) + t * (3 * (b - c) + d - a)));
 }
 
 }  // namespace
@@ -80,6 +91,25 @@ Mesh Sphere(const Vec3f& center, float radius, int segments) {
   return mesh;
 }
 
+Mesh Blob(const Vec3f& center, const Vec3f& radii, int segments,
+          const std::function<float(const Vec3f&)>& bulge) {
+  return Surface(segments, segments / 2, true, false, [&](float s, float t) {
+    float azimuth = 2 * kPi * s, height = kPi * (t - 0.5f);
+    // To the last bit at the poles, where a bulge may tell azimuths apart.
+    float c = t == 0 || t == 1 ? 0 : std::cos(height);
+    Vec3f direction(c * std::cos(azimuth), c * std::sin(azimuth), std::sin(height));
+    return Vec3f(center + (bulge ? bulge(direction) : 1) * radii.cwiseProduct(direction));
+  });
+}
+
+Mesh Torus(const Vec3f& center, float major, float minor, int segments, int sides) {
+  return Surface(segments, sides, true, true, [&](float s, float t) {
+    float azimuth = 2 * kPi * s, angle = 2 * kPi * t, r = major + minor * std::cos(angle);
+    return Vec3f(center +
+                 Vec3f(r * std::cos(azimuth), r * std::sin(azimuth), minor * std::sin(angle)));
+  });
+}
+
 Mesh Box(const Vec3f& center, const Vec3f& half, float yaw) {
   Mesh mesh;
   auto corner = [&](float x, float y, float z) {
@@ -122,6 +152,53 @@ Mesh Lathe(const Vec3f& base, const std::vector<Eigen::Vector2f>& profile, int s
   return mesh;
 }
 
+std::vector<Vec2f> Rounded(const std::vector<Vec2f>& profile, int steps) {
+  std::vector<Vec2f> fine = {profile.front()};
+  for (size_t k = 0; k + 1 < profile.size(); ++k) {
+    if (profile[k] == profile[k + 1]) continue;
+    for (int i = 1; i <= steps; ++i) {
+      fine.push_back(Between(profile, k, static_cast<float>(i) / static_cast<float>(steps)));
+      fine.back().x() = std::max(fine.back().x(), 0.0f);
+    }
+  }
+  return fine;
+}
+
+Mesh Loft(const std::vector<Section>& sections, int sides, int steps, float squareness,
+          const std::function<Vec3f(const Vec3f&)>& press) {
+  std::vector<Vec3f> centers, across, up;
+  for (const Section& section : sections) {
+    centers.push_back(section.center);
+    across.push_back(section.across);
+    up.push_back(section.up);
+  }
+  const int rows = static_cast<int>(sections.size() - 1) * steps;
+  // A row before the first and one after the last close the ends.
+  return Surface(sides, rows + 2, true, false, [&](float s, float t) {
+    int row = static_cast<int>(std::lround(t * static_cast<float>(rows + 2))) - 1;
+    int along = std::clamp(row, 0, rows);
+    auto k = static_cast<size_t>(along / steps);
+    float f = static_cast<float>(along % steps) / static_cast<float>(steps);
+    Vec3f center = Between(centers, k, f);
+    if (row != along) return center;
+    auto bent = [&](float v) { return std::copysign(std::pow(std::abs(v), 2 / squareness), v); };
+    Vec3f p = center + bent(std::cos(2 * kPi * s)) * Between(across, k, f) +
+              bent(std::sin(2 * kPi * s)) * Between(up, k, f);
+    return press ? press(p) : p;
+  });
+}
+
+std::vector<Section> Rope(const std::vector<Vec3f>& points, float radius, const Vec3f& across) {
+  std::vector<Section> sections;
+  const size_t last = points.size() - 1;
+  for (size_t i = 0; i <= last; ++i) {
+    Vec3f along = (points[std::min(i + 1, last)] - points[i > 0 ? i - 1 : 0]).normalized();
+    Vec3f up = along.cross(across).normalized();
+    sections.push_back({points[i], radius * up.cross(along), radius * up});
+  }
+  return sections;
+}
+
 Mesh Tube(const std::function<Vec3f(float)>& curve, float radius, int segments, int sides) {
   // A frame carried along the curve without twisting, its remaining turn spread over the length so that the ends meet.
   std::vector<Vec3f> centers(segments + 1), tangents(segments + 1), normals(segments + 1);
@@ -157,6 +234,25 @@ Mesh Transformed(Mesh mesh, const Eigen::Affine3f& transform) {
   for (Vec3f& v : mesh.vertices) v = transform * v;
   for (Vec3f& n : mesh.normals) n = (transform.linear() * n).normalized();
   return mesh;
+}
+
+Mesh InsideOut(Mesh mesh) {
+  for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
+  for (Vec3f& n : mesh.normals) n = -n;
+  return mesh;
+}
+
+Mesh Joined(const std::vector<Mesh>& parts) {
+  Mesh all;
+  for (const Mesh& part : parts) {
+    const auto first = static_cast<uint32_t>(all.vertices.size());
+    all.vertices.insert(all.vertices.end(), part.vertices.begin(), part.vertices.end());
+    all.normals.insert(all.normals.end(), part.normals.begin(), part.normals.end());
+    for (const auto& t : part.triangles) {
+      all.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+    }
+  }
+  return all;
 }
 
 Mesh Floor(float half_width, float z) {

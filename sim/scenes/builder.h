@@ -1,7 +1,6 @@
 // For procedural scenes: puts shapes and materials into one description.
 #pragma once
 
-#include <functional>
 #include <utility>
 
 #include "sim/render/scene.h"
@@ -9,18 +8,16 @@
 
 namespace lightstage::sim {
 
-using Texture = std::function<Rgb(const SurfacePoint&)>;
-
 class Builder {
  public:
   int Add(Material material) {
     scene_.materials.push_back(std::move(material));
     return static_cast<int>(scene_.materials.size()) - 1;
   }
-  int Matte(const Rgb& diffuse, Texture texture = nullptr) {
+  int Matte(const Rgb& diffuse, Texture texture = {}) {
     return Add({.diffuse = diffuse, .texture = std::move(texture)});
   }
-  int Plastic(const Rgb& diffuse, float roughness, Texture texture = nullptr) {
+  int Plastic(const Rgb& diffuse, float roughness, Texture texture = {}) {
     return Add({.diffuse = diffuse,
                 .specular = Rgb::Constant(0.05f),
                 .roughness = roughness,

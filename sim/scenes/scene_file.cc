@@ -105,7 +105,7 @@ class Reader {
     absl::StatusOr<Image> picture = ReadTexture((directory_ / file).string(), env_);
     if (!picture.ok()) {
       if (!file.empty()) table.ErrorAt("file", MessageOf(picture.status()));
-      return nullptr;
+      return {};
     }
     auto shared =
         std::make_shared<const Image>(*std::move(picture));  // shared: materials are copied

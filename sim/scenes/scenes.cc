@@ -20,6 +20,14 @@ struct Entry {
 
 constexpr Entry kScenes[] = {
     {"default", "a still life of diffuse, glossy and finely self-shadowing things", &StillLife},
+    {"car", "a toy race car: diffuse, glossy and finely self-shadowing", &Car},
+    {"toys", "two soft toys, one of fur and one of terry cloth", &Toys},
+    {"chess", "tall pieces on a wooden board, with long shadows", &Chess},
+    {"materials", "dark wood, crumpled paper, scattering balls and stones on a board", &Materials},
+    {"balls", "three balls on a plain board: diffuse, chrome, glass", &Balls},
+    {"bowl", "a bright hollow that lights itself", &Bowl},
+    {"calibration", "a bust between four white diffuse spheres", &Calibration},
+    {"room", "a mirror ball in a furnished room", &Room},
 };
 
 }  // namespace

@@ -6,5 +6,13 @@
 namespace lightstage::sim {
 
 SceneDescription StillLife();
+SceneDescription Car();
+SceneDescription Toys();
+SceneDescription Chess();
+SceneDescription Materials();
+SceneDescription Balls();
+SceneDescription Bowl();
+SceneDescription Calibration();
+SceneDescription Room();
 
 }  // namespace lightstage::sim
