@@ -23,18 +23,20 @@ constexpr uint64_t Fold(uint64_t hash, double value) {
 // [0, 1) from the upper bits of a hash.
 constexpr float UnitFloat(uint64_t hash) { return static_cast<float>(hash >> 40) * 0x1p-24f; }
 
-// One of the n! orders of 0 … n−1, chosen by `key`: where i goes. A Feistel network over the next even number of bits, walked until
-// it lands inside (Black and Rogaway 2002). n ≤ 2³⁰.
+// One of the n! orders of 0 … n−1, chosen by `key`: where i goes. Odd factors and shifted exclusive ors go round within the next power of
+// two, each of which can be undone, until the way leads inside (Black and Rogaway, "Ciphers with Arbitrary Finite Domains", 2002).
+// n ≤ 2³⁰.
 constexpr uint32_t Permute(uint32_t i, uint32_t n, uint64_t key) {
   if (n < 2) return 0;
-  const int half = (std::bit_width(n - 1) + 1) / 2;
-  const uint32_t mask = (1u << half) - 1;
+  const int bits = std::bit_width(n - 1), shift = (bits + 1) / 2;
+  const uint32_t mask = static_cast<uint32_t>((uint64_t{1} << bits) - 1);
+  const auto low = static_cast<uint32_t>(key), high = static_cast<uint32_t>(key >> 32);
   do {
-    for (uint64_t round = 0; round < 3; ++round) {
-      const uint32_t left = i >> half, right = i & mask;
-      i = right << half |
-          (left ^ (static_cast<uint32_t>(Mix(key + (right << 2 | round)) >> 32) & mask));
-    }
+    i = ((i ^ low) * (high | 1)) & mask;
+    i ^= i >> shift;
+    i = ((i + high) * (low | 1)) & mask;
+    i ^= i >> shift;
+    i = ((i ^ (high >> 7)) * ((low >> 9) | 1)) & mask;
   } while (i >= n);
   return i;
 }

@@ -40,10 +40,10 @@ class PixelPoints {
   PixelPoints(uint64_t pixel, uint32_t samples) : pixel_(pixel), samples_(samples) {}
 
   Point2 At(uint32_t dimension, uint32_t sample) const {
-    const uint64_t key = Fold(pixel_, uint64_t{dimension});
+    const uint64_t key = Mix(pixel_ + dimension * 0x9e3779b97f4a7c15u), shift = Mix(key);
     const auto i = static_cast<float>(Permute(sample, samples_, key));
-    return {Fraction(UnitFloat(Mix(key + 1)) + 0.7548777f * i),
-            Fraction(UnitFloat(Mix(key + 2)) + 0.5698403f * i)};
+    return {Fraction(UnitFloat(shift) + 0.7548777f * i),
+            Fraction(UnitFloat(shift << 24) + 0.5698403f * i)};
   }
 
  private:
@@ -73,10 +73,29 @@ struct Frame3 {
   Vec3f n, t, b;
 };
 
+// Cosine and sine of a turn in [0, 1], to 1e-6: Taylor's series around the nearest quarter.
+Point2 OnCircle(float turn) {
+  const int quarter = static_cast<int>(4 * turn + 0.5f);  // NOLINT(bugprone-incorrect-roundings): never negative
+  const float x = 2 * std::numbers::pi_v<float> * (turn - 0.25f * static_cast<float>(quarter)), x2 = x * x;
+  const float sine = x * (1 - x2 * (1.0f / 6 - x2 * (1.0f / 120 - x2 * (1.0f / 5040))));
+  const float cosine = 1 - x2 * (0.5f - x2 * (1.0f / 24 - x2 * (1.0f / 720 - x2 * (1.0f / 40320))));
+  switch (quarter & 3) {
+    case 0:
+      return {cosine, sine};
+    case 1:
+      return {-sine, cosine};
+    case 2:
+      return {-cosine, -sine};
+    default:
+      return {sine, -cosine};
+  }
+}
+
 // A point of the unit disc, evenly, for one of the unit square.
 Point2 InDisc(Point2 u) {
-  const float r = std::sqrt(u.x), angle = 2 * std::numbers::pi_v<float> * u.y;
-  return {r * std::cos(angle), r * std::sin(angle)};
+  const float r = std::sqrt(u.x);
+  const Point2 p = OnCircle(u.y);
+  return {r * p.x, r * p.y};
 }
 
 Vec3f CosineDirection(Point2 u) {
@@ -152,17 +171,32 @@ struct Path {
 };
 constexpr uint32_t kNone = 0xffffffffu;
 
+// What tracing a row needs, kept from row to row: its memory is touched already.
+struct RowScratch {
+  std::vector<uint64_t> pixel_keys;
+  std::vector<Path> paths, going;
+  std::vector<RTCRayHit8> hits;
+  std::vector<Vertex> vertices;
+  std::vector<uint32_t> pixels;
+};
+
 class RowTracer {
  public:
   RowTracer(const Scene& scene, const CameraGeometry& camera, int width, int height, int y,
-            const PathOptions& options)
+            const PathOptions& options, RowScratch* scratch)
       : scene_(scene),
         options_(options),
         frame_(CameraFrame(camera)),
         tan_x_(std::tan(camera.field_of_view.radians() / 2)),
         width_(width),
         height_(height),
-        y_(y) {}
+        y_(y),
+        pixel_keys_(scratch->pixel_keys),
+        paths_(scratch->paths),
+        going_(scratch->going),
+        hits_(scratch->hits),
+        vertices_(scratch->vertices),
+        pixels_(scratch->pixels) {}
 
   void Trace() {
     Begin();
@@ -179,15 +213,19 @@ class RowTracer {
 
  private:
   PixelPoints PointsOf(uint32_t x) const {
-    const uint64_t pixel =
-        Fold(Fold(options_.seed, uint64_t{0x66696c6d}), static_cast<uint64_t>(y_) * width_ + x);
-    return PixelPoints(pixel, static_cast<uint32_t>(options_.samples));
+    return PixelPoints(pixel_keys_[x], static_cast<uint32_t>(options_.samples));
   }
 
   void Begin() {
     const double tan_y = tan_x_ * height_ / width_;
     const Vec3f origin = frame_.position.cast<float>();
+    pixel_keys_.clear();
+    paths_.clear();
+    vertices_.clear();
+    pixels_.clear();
     for (int x = 0; x < width_; ++x) {
+      pixel_keys_.push_back(
+          Fold(Fold(options_.seed, uint64_t{0x66696c6d}), static_cast<uint64_t>(y_) * width_ + x));
       const PixelPoints points = PointsOf(static_cast<uint32_t>(x));
       for (int s = 0; s < options_.samples; ++s) {
         const Point2 p = points.At(kPixelDimension, static_cast<uint32_t>(s));
@@ -307,11 +345,11 @@ class RowTracer {
     v.disc_y = disc.y;
     if (path.depth < options_.bounces) {
       const Point2 u = points.At(Dimension(path.depth, kDirection), path.sample);
-      const float cosine = ScatteringCosine(v.roughness, u.x),
-                  angle = 2 * std::numbers::pi_v<float> * u.y;
+      const float cosine = ScatteringCosine(v.roughness, u.x);
+      const Point2 around = OnCircle(u.y);
       const float sine = std::sqrt(std::max(0.0f, 1 - cosine * cosine));
       v.next = Frame3(path.direction)
-                   .ToWorld({sine * std::cos(angle), sine * std::sin(angle), cosine})
+                   .ToWorld({sine * around.x, sine * around.y, cosine})
                    .normalized();
       v.behind = v.throughput * v.diffuse;
     }
@@ -451,10 +489,11 @@ class RowTracer {
   const ViewFrame frame_;
   const double tan_x_;
   const int width_, height_, y_;
-  std::vector<Path> paths_, going_;
-  std::vector<RTCRayHit8> hits_;
-  std::vector<Vertex> vertices_;
-  std::vector<uint32_t> pixels_;
+  std::vector<uint64_t>& pixel_keys_;
+  std::vector<Path>&paths_, &going_;
+  std::vector<RTCRayHit8>& hits_;
+  std::vector<Vertex>& vertices_;
+  std::vector<uint32_t>& pixels_;
 };
 
 }  // namespace
@@ -472,7 +511,8 @@ Paths::Paths(const Scene& scene, const CameraGeometry& camera, int width, int he
              const PathOptions& options)
     : camera_(camera), width_(width), height_(height), samples_(options.samples), rows_(height) {
   ForRows(height, [&](int y) {
-    RowTracer tracer(scene, camera, width, height, y, options);
+    thread_local RowScratch scratch;
+    RowTracer tracer(scene, camera, width, height, y, options, &scratch);
     tracer.Trace();
     rows_[y].Fill(width, tracer.pixels(), reinterpret_cast<const float*>(tracer.vertices().data()));
   });
