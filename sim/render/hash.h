@@ -30,13 +30,14 @@ constexpr uint32_t Permute(uint32_t i, uint32_t n, uint64_t key) {
   if (n < 2) return 0;
   const int bits = std::bit_width(n - 1), shift = (bits + 1) / 2;
   const uint32_t mask = static_cast<uint32_t>((uint64_t{1} << bits) - 1);
-  const auto low = static_cast<uint32_t>(key), high = static_cast<uint32_t>(key >> 32);
   do {
-    i = ((i ^ low) * (high | 1)) & mask;
-    i ^= i >> shift;
-    i = ((i + high) * (low | 1)) & mask;
-    i ^= i >> shift;
-    i = ((i ^ (high >> 7)) * ((low >> 9) | 1)) & mask;
+    uint64_t k = key;
+    for (int round = 0; round < 4; ++round, k = std::rotr(k, 17)) {
+      i = ((i ^ static_cast<uint32_t>(k)) * (static_cast<uint32_t>(k >> 32) | 1)) & mask;
+      i ^= i >> shift;
+      i = (i * 0x2c1b3c6du) & mask;
+      i ^= i >> shift;
+    }
   } while (i >= n);
   return i;
 }

@@ -86,7 +86,7 @@ TEST(Disc, PenumbraIsThatOfADiscBehindAnEdge) {
   RigGeometry rig = OneLamp(Vec3(0, -0.05, 0.4), Vec3(0, 0, 0), kRadius);
   const double distance = rig.camera.position.norm();
   rig.camera.field_of_view = Radians(2 * std::atan(0.025 / distance));
-  const Paths paths(scene, rig.camera, kPixels, 4, {.samples = 2048});
+  const Paths paths(scene, rig.camera, kPixels, 4, {.samples = 4096});
   const Image image = Illuminate(scene, paths, LampLight(rig.brace, 0, Degrees(0), kIntensity, 1));
   int between = 0;
   for (int x = 0; x < kPixels; ++x) {
@@ -177,7 +177,7 @@ CameraGeometry AtBall(const Vec3& at = Vec3::Zero()) { return {Vec3(0, -1, 0), a
 
 TEST(Furnace, LambertReflectsItsAlbedo) {
   for (float albedo : {0.3f, 1.0f}) {
-    EXPECT_NEAR(Furnace({kBall}, {.diffuse = Rgb::Constant(albedo)}, AtBall(), 0, 256), albedo,
+    EXPECT_NEAR(Furnace({kBall}, {.diffuse = Rgb::Constant(albedo)}, AtBall(), 0, 1024), albedo,
                 5e-4 * albedo);
   }
   // In a furnace of albedo 1 nothing can be seen, however often light is scattered: here in a bowl.

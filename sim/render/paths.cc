@@ -18,7 +18,7 @@ namespace {
 
 // Rays start this far above the surface: far more than the rounding of coordinates of a metre, far less than any detail.
 constexpr float kLift = 2e-5f;
-constexpr std::align_val_t kAlignment{64};
+constexpr size_t kAlignment = 64;  // bytes, a cache line
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // Glossier layers take what their next ray meets; on rougher ones connecting the light is good enough, and saves that ray.
 constexpr float kGlossy = 0.25f;
@@ -498,7 +498,7 @@ class RowTracer {
 
 }  // namespace
 
-void Paths::Row::Free::operator()(float* p) const { ::operator delete[](p, kAlignment); }
+void Paths::Row::Free::operator()(float* p) const { ::operator delete[](p, std::align_val_t{kAlignment}); }
 
 size_t PathBytes(int width, int height, int samples, int bounces) {
   // Long paths end early, by leaving the scene or by roulette.
@@ -524,18 +524,22 @@ void Paths::Row::Fill(int width, const std::vector<uint32_t>& pixels, const floa
   for (int x = 0; x < width; ++x) first[x + 1] += first[x];
   count = (pixels.size() + kLanes - 1) / kLanes * kLanes;
   if (count == 0) return;
-  data.reset(
-      static_cast<float*>(::operator new[](count* kVertexFloats * sizeof(float), kAlignment)));
+  // The arrays lie a cache line more apart than they are long: at multiples of a page all of them would share a few places in the
+  // cache.
+  const size_t apart = count + kAlignment / sizeof(float);
+  data.reset(static_cast<float*>(
+      ::operator new[](apart * kVertexFloats * sizeof(float), std::align_val_t{kAlignment})));
   std::vector<uint32_t> next(first.begin(), first.end() - 1);
   for (size_t i = 0; i < pixels.size(); ++i) {
     const uint32_t to = next[pixels[i]]++;
-    for (int k = 0; k < kVertexFloats; ++k) data[k * count + to] = vertices[i * kVertexFloats + k];
-  }
-  for (int k = 0; k < kVertexFloats; ++k) {
-    std::fill(&data[k * count + pixels.size()], &data[k * count] + count, 0.0f);
+    for (int k = 0; k < kVertexFloats; ++k) data[k * apart + to] = vertices[i * kVertexFloats + k];
   }
   const float* pointers[kVertexFloats];
-  for (int k = 0; k < kVertexFloats; ++k) pointers[k] = &data[k * count];
+  for (int k = 0; k < kVertexFloats; ++k) {
+    float* const array = &data[k * apart];
+    std::fill(array + pixels.size(), array + count, 0.0f);
+    pointers[k] = array;
+  }
   static_assert(sizeof(pointers) == sizeof(arrays));
   std::memcpy(&arrays, pointers, sizeof(arrays));
 }
