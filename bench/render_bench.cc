@@ -30,7 +30,8 @@ double Best(const std::function<void()>& body, int runs = 7) {
   for (int i = 0; i < runs; ++i) {
     const auto start = std::chrono::steady_clock::now();
     body();
-    best = std::min(best, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+    best = std::min(
+        best, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   }
   return best;
 }
@@ -44,12 +45,14 @@ class Rays {
     const size_t k = row.count % kLanes;
     if (k == 0) {
       row.packets.emplace_back();
-      for (int i = 0; i < kLanes; ++i) row.packets.back().tfar[i] = -kInfinity;  // lanes that stay empty
+      for (int i = 0; i < kLanes; ++i)
+        row.packets.back().tfar[i] = -kInfinity;  // lanes that stay empty
     }
     RTCRay8& ray = row.packets.back();
     ray.org_x[k] = origin[0], ray.org_y[k] = origin[1], ray.org_z[k] = origin[2];
     ray.dir_x[k] = direction[0], ray.dir_y[k] = direction[1], ray.dir_z[k] = direction[2];
-    ray.tnear[k] = 0, ray.tfar[k] = length, ray.time[k] = 0, ray.mask[k] = ~0u, ray.id[k] = 0, ray.flags[k] = 0;
+    ray.tnear[k] = 0, ray.tfar[k] = length, ray.time[k] = 0, ray.mask[k] = ~0u, ray.id[k] = 0,
+    ray.flags[k] = 0;
     ++row.count;
     ++count_;
   }
@@ -103,16 +106,18 @@ struct AllRays {
 AllRays Collect(const Paths& paths, const DiscLight& light) {
   AllRays rays;
   const ViewFrame frame = CameraFrame(paths.camera());
-  const double tan_x = std::tan(paths.camera().field_of_view.radians() / 2), tan_y = tan_x * kHeight / kWidth;
+  const double tan_x = std::tan(paths.camera().field_of_view.radians() / 2),
+               tan_y = tan_x * kHeight / kWidth;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       for (int s = 0; s < paths.samples(); ++s) {
         const double px = x + (s + 0.5) / paths.samples(), py = y + 0.5;
         const Eigen::Vector3f origin = frame.position.cast<float>(),
-                              direction = (frame.forward + (px / kWidth * 2 - 1) * tan_x * frame.right +
-                                           (py / kHeight * 2 - 1) * tan_y * frame.down)
-                                              .normalized()
-                                              .cast<float>();
+                              direction =
+                                  (frame.forward + (px / kWidth * 2 - 1) * tan_x * frame.right +
+                                   (py / kHeight * 2 - 1) * tan_y * frame.down)
+                                      .normalized()
+                                      .cast<float>();
         rays.camera.Add(y, origin.data(), direction.data(), kInfinity);
       }
     }
@@ -130,7 +135,8 @@ AllRays Collect(const Paths& paths, const DiscLight& light) {
         there -= light.axis[c] * to[c];
       }
       if (here <= 0 || there <= 0) continue;
-      const float length = std::sqrt(square), unit[3] = {to[0] / length, to[1] / length, to[2] / length};
+      const float length = std::sqrt(square),
+                  unit[3] = {to[0] / length, to[1] / length, to[2] / length};
       rays.shadow.Add(y, at, unit, 0.9999f * length);
     }
   }
@@ -161,9 +167,10 @@ void BenchRays(const std::string& name, const RigGeometry& rig, int bounces) {
   const double traced = static_cast<double>(rays.camera.count() + rays.between.count()),
                connected = static_cast<double>(rays.shadow.count());
   std::printf("%-12s %7d %8.1f %8.1f %7.2f %9.1f %8.1f %7.2f %7.2f %8.2f\n", name.c_str(), bounces,
-              traced / trace / 1e6, traced / bare_trace / 1e6, bare_trace / trace, connected / connect / 1e6,
-              connected / bare_connect / 1e6, bare_connect / connect,
-              (bare_trace + bare_connect) / (trace + connect), (one_trace + one_connect) / (trace + connect));
+              traced / trace / 1e6, traced / bare_trace / 1e6, bare_trace / trace,
+              connected / connect / 1e6, connected / bare_connect / 1e6, bare_connect / connect,
+              (bare_trace + bare_connect) / (trace + connect),
+              (one_trace + one_connect) / (trace + connect));
 }
 
 void BenchPatterns(const RigGeometry& rig, int bounces) {
@@ -180,12 +187,14 @@ void BenchPatterns(const RigGeometry& rig, int bounces) {
   constexpr int kParts = 64;
   const double triad = Best([&] {
     ForRows(kParts, [&](int part) {
-      for (size_t i = n * part / kParts; i < n * (part + 1) / kParts; ++i) a[i] = b[i] + 1.5f * c[i];
+      for (size_t i = n * part / kParts; i < n * (part + 1) / kParts; ++i)
+        a[i] = b[i] + 1.5f * c[i];
     });
   });
-  for (const Pattern& pattern : {Pattern{PatternArrangement::kFull},
-                                 Pattern{PatternArrangement::kSquare, PatternProfile::kGaussian, 16, 0, 7, 8},
-                                 Pattern{PatternArrangement::kHorizontal, PatternProfile::kBox, 16, 2, 1, 3}}) {
+  for (const Pattern& pattern :
+       {Pattern{PatternArrangement::kFull},
+        Pattern{PatternArrangement::kSquare, PatternProfile::kGaussian, 16, 0, 7, 8},
+        Pattern{PatternArrangement::kHorizontal, PatternProfile::kBox, 16, 2, 1, 3}}) {
     const Image raster = Rasterize(pattern, rig.projector.width, rig.projector.height);
     const double time = Best([&] { transport.Add(raster, 1.0f, &sum); });
     std::printf("%-32s %7d %8.1f %9.2f %9.2f %7.2f\n", PatternName(pattern).c_str(), bounces,
@@ -198,14 +207,17 @@ int Main() {
   rig.brace = {Meters(1), Meters(0.02), {{Degrees(0), Degrees(40)}}};
   rig.projector = {true, Meters(1.5), Degrees(0), Degrees(20), 1024, 768};
   rig.camera = {Vec3(0, -1.1, 0.55), Vec3(0, 0, 0.075), Degrees(17)};
-  std::printf("Mrays/s, renderer and bare Embree over the same rays (%s kernels), and the time of one core over that of all\n",
-              BestKernels().name);
-  std::printf("%-12s %7s %8s %8s %7s %9s %8s %7s %7s %8s\n", "scene", "bounces", "trace", "bare", "ratio", "connect",
-              "bare", "ratio", "both", "scaling");
+  std::printf(
+      "Mrays/s, renderer and bare Embree over the same rays (%s kernels), and the time of one core "
+      "over that of all\n",
+      BestKernels().name);
+  std::printf("%-12s %7s %8s %8s %7s %9s %8s %7s %7s %8s\n", "scene", "bounces", "trace", "bare",
+              "ratio", "connect", "bare", "ratio", "both", "scaling");
   for (const char* scene : {"default", "toys", "room"}) {
     for (int bounces : {0, 1, 4}) BenchRays(scene, rig, bounces);
   }
-  std::printf("\none pattern at a cached pose, %d x %d, against a triad over as much memory\n", kWidth, kHeight);
+  std::printf("\none pattern at a cached pose, %d x %d, against a triad over as much memory\n",
+              kWidth, kHeight);
   std::printf("%-32s %7s %8s %9s %9s %7s\n", "pattern", "bounces", "MB", "ms", "triad ms", "ratio");
   for (int bounces : {0, 1}) BenchPatterns(rig, bounces);
   return 0;

@@ -81,6 +81,42 @@ absl::Status CheckClosed(const Mesh& mesh, const std::string& name) {
                                 t, a, b));
     }
   }
+  double volume = 0;
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3d a = mesh.vertices[t[0]].cast<double>(),
+                          b = mesh.vertices[t[1]].cast<double>(),
+                          c = mesh.vertices[t[2]].cast<double>();
+    volume += a.dot(b.cross(c)) / 6;
+  }
+  if (volume <= 0) {
+    return Wrong(
+        name,
+        "it is inside out, which glass and media must not be: seen from outside its triangles' "
+        "corners must go round counterclockwise");
+  }
+  return absl::OkStatus();
+}
+
+// Where the shading normals of most corners are on the other side of the face, the file has them the wrong way round.
+absl::Status CheckNormals(const Mesh& mesh, const std::string& name) {
+  for (size_t v = 0; v < mesh.normals.size(); ++v) {
+    if (!(std::abs(mesh.normals[v].norm() - 1) < 1e-3f)) {
+      return Wrong(name, absl::StrFormat("the normal of vertex %d has the length %g, must be 1", v,
+                                         mesh.normals[v].norm()));
+    }
+  }
+  size_t against = 0;
+  for (const auto& t : mesh.triangles) {
+    const Vec3f face = (mesh.vertices[t[1]] - mesh.vertices[t[0]])
+                           .cross(mesh.vertices[t[2]] - mesh.vertices[t[0]]);
+    for (uint32_t v : t) against += face.dot(mesh.normals[v]) < 0;
+  }
+  if (2 * against > 3 * mesh.triangles.size()) {
+    return Wrong(
+        name,
+        absl::StrFormat("the normals of %d of its %d corners are on the other side of their faces",
+                        against, 3 * mesh.triangles.size()));
+  }
   return absl::OkStatus();
 }
 
@@ -102,8 +138,12 @@ absl::Status CheckMesh(const Mesh& mesh, const std::string& name) {
                     "vertex %d is at (%g, %g, %g) m; each must be a number from -1000 to 1000", v,
                     p.x(), p.y(), p.z()));
     }
-    if (!mesh.uvs.empty() && !mesh.uvs[v].allFinite()) {
-      return Wrong(name, absl::StrFormat("the texture coordinates of vertex %d are no numbers", v));
+    if (!mesh.uvs.empty() && !(mesh.uvs[v].cwiseAbs().maxCoeff() <= 1e6f)) {
+      return Wrong(name,
+                   absl::StrFormat(
+                       "the texture coordinates of vertex %d are (%g, %g); each must be a number "
+                       "from -1e6 to 1e6",
+                       v, mesh.uvs[v].x(), mesh.uvs[v].y()));
     }
   }
   for (size_t t = 0; t < mesh.triangles.size(); ++t) {
@@ -120,12 +160,7 @@ absl::Status CheckMesh(const Mesh& mesh, const std::string& name) {
                                          triangle[0], triangle[1], triangle[2]));
     }
   }
-  for (size_t v = 0; v < mesh.normals.size(); ++v) {
-    if (!(std::abs(mesh.normals[v].norm() - 1) < 1e-3f)) {
-      return Wrong(name, absl::StrFormat("the normal of vertex %d has the length %g, must be 1", v,
-                                         mesh.normals[v].norm()));
-    }
-  }
+  RETURN_IF_ERROR(CheckNormals(mesh, name));
   for (size_t i = 0; i < mesh.placements.size(); ++i) {
     const Eigen::Matrix3f m = mesh.placements[i].linear(), square = m * m.transpose();
     const float scale = square.trace() / 3;

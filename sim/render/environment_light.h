@@ -16,6 +16,8 @@ class EnvironmentLight {
   // Radiance from a unit direction.
   Radiance At(const Vec3& direction) const;
 
+  bool IsBlack() const { return !(row_end_.back() > 0); }
+
   struct Sample {
     Vec3 direction;     // unit
     Radiance radiance;  // from there

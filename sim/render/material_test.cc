@@ -204,6 +204,18 @@ TEST(Medium, WithoutAbsorptionCannotBeSeenInAFurnace) {
   EXPECT_NEAR(Mean(Illuminate(scene, paths, light)), 1, 4e-3);
 }
 
+// So thin that rays leave it within a few micrometres of where they came in.
+TEST(Medium, ThinPlacesLeakNoLight) {
+  SceneDescription description{
+      {{.kind = Material::Kind::kMedium, .diffuse = Rgb::Ones(), .extinction = 1e3f}}, {}, {}};
+  description.balls = {{Vec3f::Zero(), 1e-4f, 0}};
+  const Scene scene = BuildAll(std::move(description));
+  const EnvironmentLight light(*EnvironmentMap::FromImage(Image(16, 8, 1, 1.0f)), Degrees(0));
+  const CameraGeometry camera{Vec3(0, -0.01, 0), Vec3::Zero(), Degrees(1.1)};
+  const Paths paths(scene, camera, 16, 16, {.samples = 1024, .bounces = kMostBounces});
+  EXPECT_NEAR(Mean(Illuminate(scene, paths, light)), 1, 4e-3);
+}
+
 TEST(Scenes, GlassAndMediaMustBeClosed) {
   for (const Material& m : {Material{.kind = Material::Kind::kGlass},
                             Material{.kind = Material::Kind::kMedium, .extinction = 100}}) {

@@ -18,6 +18,8 @@ namespace {
 
 // Rays start this far above the surface: far more than the rounding of coordinates of a metre, far less than any detail.
 constexpr float kLift = 2e-5f;
+// A boundary of a medium is passed by so much. To meet it once more would do no harm: it is entered or left as before.
+constexpr float kBeyond = 1e-6f;
 constexpr size_t kAlignment = 64;  // bytes, a cache line
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // Glossier layers take what their next ray meets; on rougher ones connecting the light is good enough, and saves that ray.
@@ -75,8 +77,10 @@ struct Frame3 {
 
 // Cosine and sine of a turn in [0, 1], to 1e-6: Taylor's series around the nearest quarter.
 Point2 OnCircle(float turn) {
-  const int quarter = static_cast<int>(4 * turn + 0.5f);  // NOLINT(bugprone-incorrect-roundings): never negative
-  const float x = 2 * std::numbers::pi_v<float> * (turn - 0.25f * static_cast<float>(quarter)), x2 = x * x;
+  const int quarter =
+      static_cast<int>(4 * turn + 0.5f);  // NOLINT(bugprone-incorrect-roundings): never negative
+  const float x = 2 * std::numbers::pi_v<float> * (turn - 0.25f * static_cast<float>(quarter)),
+              x2 = x * x;
   const float sine = x * (1 - x2 * (1.0f / 6 - x2 * (1.0f / 120 - x2 * (1.0f / 5040))));
   const float cosine = 1 - x2 * (0.5f - x2 * (1.0f / 24 - x2 * (1.0f / 720 - x2 * (1.0f / 40320))));
   switch (quarter & 3) {
@@ -277,7 +281,16 @@ class RowTracer {
     bool met = ray.hit.geomID[k] != RTC_INVALID_GEOMETRY_ID;
     float length = met ? ray.ray.tfar[k] : kInfinity;
     bool scattered = false;
-    if (path.medium != nullptr) {
+    std::optional<Scene::Hit> hit;
+    if (met) {
+      hit = scene_.Resolve({path.origin, path.direction},
+                           {ray.hit.instID[0][k], ray.hit.geomID[k], ray.hit.primID[k],
+                            ray.hit.u[k], ray.hit.v[k], length});
+    }
+    // A medium is closed: where nothing comes, or its outer side, its end was too thin to be met.
+    const bool within =
+        path.medium != nullptr && hit && !(hit->material == path.medium && hit->outside);
+    if (within) {
       const float u =
           PointsOf(path.x)
               .At(Dimension(path.depth, kDistance) + (path.crossings << 16), path.sample)
@@ -287,18 +300,12 @@ class RowTracer {
       length = std::min(free, length);
     }
     const Vec3f point = path.origin + (std::isfinite(length) ? length : 0.0f) * path.direction;
-    std::optional<Scene::Hit> hit;
-    if (met && !scattered) {
-      hit = scene_.Resolve({path.origin, path.direction},
-                           {ray.hit.instID[0][k], ray.hit.geomID[k], ray.hit.primID[k],
-                            ray.hit.u[k], ray.hit.v[k], length});
-      if (hit->material->kind == Material::Kind::kMedium && path.crossings < kMostCrossings) {
-        return Cross(path, *hit, length);
-      }
+    if (hit && !scattered && hit->material->kind == Material::Kind::kMedium &&
+        path.crossings < kMostCrossings) {
+      return Cross(path, *hit, length);
     }
     const float reach = path.travelled + length;
     if (path.vertex != kNone) vertices_[path.vertex].reach = reach;
-    met = met || scattered;
     if (path.vertex == kNone && !Clear(path, met, length)) {
       Vertex camera =
           Origin(path.origin - path.travelled * path.direction, path.direction, path.throughput);
@@ -323,7 +330,7 @@ class RowTracer {
   void Cross(const Path& path, const Scene::Hit& hit, float length) {
     Path on = path;
     on.origin = hit.point;
-    on.near = kLift;
+    on.near = kBeyond;
     on.medium = hit.outside ? hit.material : nullptr;
     on.travelled += length;
     ++on.crossings;
@@ -348,9 +355,8 @@ class RowTracer {
       const float cosine = ScatteringCosine(v.roughness, u.x);
       const Point2 around = OnCircle(u.y);
       const float sine = std::sqrt(std::max(0.0f, 1 - cosine * cosine));
-      v.next = Frame3(path.direction)
-                   .ToWorld({sine * around.x, sine * around.y, cosine})
-                   .normalized();
+      v.next =
+          Frame3(path.direction).ToWorld({sine * around.x, sine * around.y, cosine}).normalized();
       v.behind = v.throughput * v.diffuse;
     }
     GoOn(path, Keep(v, path.x), points);
@@ -498,13 +504,21 @@ class RowTracer {
 
 }  // namespace
 
-void Paths::Row::Free::operator()(float* p) const { ::operator delete[](p, std::align_val_t{kAlignment}); }
+void Paths::Row::Free::operator()(float* p) const {
+  ::operator delete[](p, std::align_val_t{kAlignment});
+}
 
-size_t PathBytes(int width, int height, int samples, int bounces) {
-  // Long paths end early, by leaving the scene or by roulette.
-  constexpr int kVertices = 4;
-  const auto vertices = static_cast<size_t>(1 + std::min(bounces, kVertices - 1));
-  return static_cast<size_t>(width) * height * samples * vertices * kVertexFloats * sizeof(float);
+size_t EstimatePathBytes(const Scene& scene, const CameraGeometry& camera, int width, int height,
+                         const PathOptions& options) {
+  // How many vertices paths have depends on the scene: a few are traced.
+  constexpr int kAcross = 24, kDown = 18;
+  PathOptions few = options;
+  few.samples = 1;
+  const Paths paths(scene, camera, kAcross, kDown, few);
+  double vertices = 0;
+  for (int y = 0; y < kDown; ++y) vertices += paths.row(y).first.back();
+  const double per_path = vertices / (kAcross * kDown) * kVertexFloats * sizeof(float);
+  return static_cast<size_t>(per_path * width * height * options.samples);
 }
 
 Paths::Paths(const Scene& scene, const CameraGeometry& camera, int width, int height,
@@ -528,7 +542,7 @@ void Paths::Row::Fill(int width, const std::vector<uint32_t>& pixels, const floa
   // cache.
   const size_t apart = count + kAlignment / sizeof(float);
   data.reset(static_cast<float*>(
-      ::operator new[](apart * kVertexFloats * sizeof(float), std::align_val_t{kAlignment})));
+      ::operator new[](apart* kVertexFloats * sizeof(float), std::align_val_t{kAlignment})));
   std::vector<uint32_t> next(first.begin(), first.end() - 1);
   for (size_t i = 0; i < pixels.size(); ++i) {
     const uint32_t to = next[pixels[i]]++;

@@ -34,9 +34,6 @@ struct PathOptions {
 // Paths longer than this are cut; long before, Russian roulette has ended all but those among perfect reflectors.
 inline constexpr int kMostBounces = 1000;
 
-// About how much memory the paths of a picture take; exact but for how many vertices a path really has.
-size_t PathBytes(int width, int height, int samples, int bounces);
-
 class Paths {
  public:
   // The same for the same seed, however many threads there are.
@@ -69,5 +66,9 @@ class Paths {
   const int width_, height_, samples_;
   std::vector<Row> rows_;
 };
+
+// About how much memory the paths of a picture take, bytes: a few are traced to know.
+size_t EstimatePathBytes(const Scene& scene, const CameraGeometry& camera, int width, int height,
+                         const PathOptions& options);
 
 }  // namespace lightstage::sim

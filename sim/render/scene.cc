@@ -126,6 +126,12 @@ void Scene::Attach() {
     CommitTo(scene_, geometry);
     geometries_.push_back({.ball = static_cast<int>(i)});
   }
+  for (Geometry& geometry : geometries_) {
+    if (geometry.mesh < 0) continue;
+    for (const Vec3f& v : description_->meshes[geometry.mesh].vertices) {
+      geometry.box.extend(geometry.placed ? Vec3f(geometry.placement * v) : v);
+    }
+  }
 }
 
 Scene::Scene(Scene&& other) noexcept
@@ -209,11 +215,10 @@ bool Scene::Encloses(const Geometry& geometry, const Vec3f& point) const {
     const Ball& ball = description_->balls[geometry.ball];
     return (point - ball.center).norm() < ball.radius;
   }
+  if (!geometry.box.contains(point)) return false;
   const Mesh& mesh = description_->meshes[geometry.mesh];
   const Vec3f own = geometry.placed ? Vec3f(geometry.placement.inverse() * point) : point;
-  Eigen::AlignedBox3f box;
-  for (const Vec3f& v : mesh.vertices) box.extend(v);
-  return box.contains(own) && WindingNumber(mesh, own.cast<double>()) > 0.5;
+  return WindingNumber(mesh, own.cast<double>()) > 0.5;
 }
 
 absl::Status Scene::CheckOutside(const Vec3f& point, const std::string& what) const {

@@ -36,10 +36,11 @@ class Texture {
  public:
   Texture() = default;
   template <class F>
-    requires(!std::is_same_v<F, Texture>)
-  Texture(F lookup) : lookup_(std::move(lookup)) {  // NOLINT: a lambda is one
-    static_assert(std::is_same_v<std::invoke_result_t<F, const SurfacePoint&>, Rgb>,
-                  "must return Rgb itself (-> Rgb): an Eigen expression would refer to what is gone");
+  requires(!std::is_same_v<F, Texture>) Texture(F lookup)
+      : lookup_(std::move(lookup)) {  // NOLINT: a lambda is one
+    static_assert(
+        std::is_same_v<std::invoke_result_t<F, const SurfacePoint&>, Rgb>,
+        "must return Rgb itself (-> Rgb): an Eigen expression would refer to what is gone");
   }
   explicit operator bool() const { return lookup_ != nullptr; }
   Rgb operator()(const SurfacePoint& at) const { return lookup_(at); }
@@ -136,6 +137,7 @@ class Scene {
     int mesh = -1, ball = -1;  // one of them
     Eigen::Affine3f placement = Eigen::Affine3f::Identity();
     bool placed = false;
+    Eigen::AlignedBox3f box;  // of the mesh as it is placed
   };
 
   Scene() = default;

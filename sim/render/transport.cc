@@ -4,6 +4,7 @@
 #include <cassert>
 #include <limits>
 
+#include "absl/strings/str_cat.h"
 #include "sim/render/environment_light.h"
 
 namespace lightstage::sim {
@@ -14,21 +15,43 @@ Transport::Transport(Scene scene, const RigGeometry& geometry, const TransportOp
       options_(options),
       parts_(geometry, options.parts) {}
 
+PathOptions Transport::OptionsOfPaths() const {
+  // What shines is as far out as the lamps or, if it can be met, the projector's lens.
+  double clear = std::numeric_limits<double>::infinity();
+  if (!geometry_.brace.lamps.empty()) clear = geometry_.brace.radius.meters();
+  if (options_.lens.radius > Meters(0)) {
+    clear = std::min(clear, geometry_.projector.distance.meters());
+  }
+  return {.samples = options_.samples,
+          .bounces = options_.bounces,
+          .seed = options_.seed,
+          .clear_radius = static_cast<float>(clear - 1e-3)};
+}
+
+absl::Status Transport::CheckOutside(const Pose& pose, int lamp) const {
+  if (lamp < 0) {
+    const Vec3 at =
+        geometry_.projector.distance.meters() * ProjectorDirection(geometry_.projector, pose);
+    return scene_.CheckOutside(at.cast<float>(), "the projector");
+  }
+  const Vec3 at =
+      geometry_.brace.radius.meters() * LampDirection(geometry_.brace.lamps[lamp], pose.azimuth);
+  return scene_.CheckOutside(at.cast<float>(), absl::StrCat("lamp ", lamp));
+}
+
+size_t Transport::EstimatePathBytes(FilmSize size) const {
+  return sim::EstimatePathBytes(scene_, geometry_.camera, size.width, size.height,
+                                OptionsOfPaths());
+}
+
 std::shared_ptr<const Paths> Transport::GetPaths(FilmSize size) {
   MutexLock lock(&paths_mutex_);
   constexpr size_t kMost = 4;  // a camera has one size, a second camera another
   if (paths_.size() >= kMost && !paths_.contains(size)) paths_.clear();
   std::shared_ptr<const Paths>& paths = paths_[size];
   if (paths == nullptr) {
-    PathOptions options{
-        .samples = options_.samples, .bounces = options_.bounces, .seed = options_.seed};
-    const BraceGeometry& brace = geometry_.brace;
-    double clear = std::numeric_limits<double>::infinity();
-    if (!brace.lamps.empty()) clear = brace.radius.meters();
-    if (options_.lens.radius > Meters(0))
-      clear = std::min(clear, geometry_.projector.distance.meters());
-    options.clear_radius = static_cast<float>(clear - 1e-3);
-    paths = std::make_shared<Paths>(scene_, geometry_.camera, size.width, size.height, options);
+    paths = std::make_shared<Paths>(scene_, geometry_.camera, size.width, size.height,
+                                    OptionsOfPaths());
   }
   return paths;
 }

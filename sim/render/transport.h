@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/status/status.h"
 #include "base/mutex.h"
 #include "optics/image.h"
 #include "optics/rig_geometry.h"
@@ -58,6 +59,12 @@ class Transport {
   // The rig must have a projector.
   std::shared_ptr<const ProjectorTransport> Projector(FilmSize size, const Pose& pose, Keep keep);
 
+  // About how many bytes the paths of a picture of this size take.
+  size_t EstimatePathBytes(FilmSize size) const;
+
+  // INSIDE_OBJECT if this lamp, or the projector if it is < 0, stands inside of the object at this pose: it would light it from within.
+  absl::Status CheckOutside(const Pose& pose, int lamp) const;
+
   // Bytes of kept transport, at most cache_bytes (one entry larger than that is not kept).
   size_t cached_bytes() const;
   // Transports traced so far; a kept one that was used again does not count.
@@ -81,6 +88,7 @@ class Transport {
     size_t bytes;
   };
 
+  PathOptions OptionsOfPaths() const;
   std::shared_ptr<const Paths> GetPaths(FilmSize size);
   bool Find(const Key& key, Value* value);
   void Store(const Key& key, Value value, size_t bytes, Keep keep);

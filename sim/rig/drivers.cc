@@ -93,6 +93,9 @@ ProjectorOptics ParseProjectorOptics(const TomlTable& table) {
   o.intensity_w_sr = table.Double("intensity_w_sr", 0, 1e6, o.intensity_w_sr);
   o.lens_radius_m = table.Double("lens_radius_m", 0, 1, 0);
   o.focus_m = table.Double("focus_m", 0, 100, 0);
+  if (o.focus_m > 0 && o.focus_m < 0.01) {
+    table.ErrorAt("focus_m", "must be 0, for the plane through the origin, or from 0.01 to 100");
+  }
   o.gamma = table.Double("gamma", 0.1, 10, 1);
   const double contrast = table.Double("contrast", 0, 1e9, 0);
   if (contrast > 0 && contrast < 2)
@@ -114,6 +117,11 @@ WorldOptions ParseSimulation(const TomlTable& table) {
                                         ", and scene files that end with .toml"));
   }
   o.scene_directory = std::filesystem::path(table.file()).parent_path().string();
+  // Read here to say what is wrong with it before anything starts; the world reads it for itself.
+  if (o.scene.ends_with(".toml")) {
+    absl::Status sound = LoadScene(o.scene, o.scene_directory).status();
+    if (!sound.ok()) table.ErrorAt("scene", MessageOf(sound));
+  }
   o.seed = static_cast<uint64_t>(table.Int("seed", 0, INT64_MAX, static_cast<int64_t>(o.seed)));
   o.samples = static_cast<int>(table.Int("samples", 1, 256, o.samples));
   o.bounces = static_cast<int>(table.Int("bounces", 0, kMostBounces, o.bounces));
@@ -130,6 +138,8 @@ WorldOptions ParseSimulation(const TomlTable& table) {
   const TomlTable lens = table.Table("lens");
   o.lens.vignetting = lens.Double("vignetting", 0, 1, 0);
   o.lens.blur_px = lens.Double("blur_px", 0, 20, 0);
+  if (o.lens.blur_px > 0 && o.lens.blur_px < 0.05)
+    lens.ErrorAt("blur_px", "must be 0, or from 0.05 to 20");
   o.sensor = ParseSensor(table.Table("sensor"));
   o.faults = ParseFaults(table.Table("faults"));
   return o;
@@ -191,8 +201,16 @@ DeviceOpener<Camera> ParseCamera(const SimulationPtr& simulation, const TomlTabl
   o.max_gain_db = table.Double("max_gain_db", 0, 60, 24);
   return [simulation, o](const DeviceContext& context) -> absl::StatusOr<std::unique_ptr<Camera>> {
     ASSIGN_OR_RETURN(auto world, simulation->OpenWorld(*context.geometry, *context.clock));
-    if (absl::Status fits = world->CheckFilm({o.width, o.height}); !fits.ok())
+    if (absl::Status fits = world->CheckFilm({o.width, o.height}); !fits.ok()) {
       return Annotate(fits, context.name);
+    }
+    if (const int full_scale = (1 << o.bits) - 1; world->sensor().black_level >= full_scale) {
+      return Error(absl::StatusCode::kInvalidArgument, "BLACK_LEVEL",
+                   absl::StrCat(context.name, ": [simulation.sensor] black_level is ",
+                                world->sensor().black_level, ", must be below ", full_scale,
+                                ", the full scale of ", o.bits, " bits"),
+                   {{"device", context.name}});
+    }
     return std::make_unique<SimCamera>(context.name, o, std::move(world));
   };
 }

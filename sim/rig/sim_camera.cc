@@ -11,7 +11,7 @@ namespace {
 
 constexpr Duration kExposureStep = std::chrono::microseconds(1);
 
-CameraInfo InfoOf(const std::string& name, const SimCameraOptions& options) {
+CameraInfo InfoOf(const std::string& name, const SimCameraOptions& options, const World& world) {
   CameraInfo info;
   info.identity = {.name = name, .driver = "sim", .model = "lightstaged simulated camera"};
   info.sensor_width = options.width;
@@ -23,7 +23,7 @@ CameraInfo InfoOf(const std::string& name, const SimCameraOptions& options) {
   info.max_exposure = options.max_exposure;
   info.exposure_step = kExposureStep;
   info.max_gain_db = options.max_gain_db;
-  info.readout = options.readout;
+  info.readout = options.readout + world.RowLag(options.height);
   return info;
 }
 
@@ -52,7 +52,7 @@ absl::Status Refused(const std::string& name, std::string_view reason, std::stri
 SimCamera::SimCamera(const std::string& name, const SimCameraOptions& options,
                      std::shared_ptr<World> world)
     : options_(options),
-      info_(InfoOf(name, options)),
+      info_(InfoOf(name, options, *world)),
       world_(std::move(world)),
       opened_(world_->clock().Now()),
       timers_(world_->clock()),

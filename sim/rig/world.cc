@@ -10,7 +10,6 @@
 #include "absl/strings/str_format.h"
 #include "base/status.h"
 #include "sim/render/hash.h"
-#include "sim/render/paths.h"
 #include "sim/rig/lenses.h"
 #include "sim/rig/world_scene.h"
 
@@ -117,7 +116,8 @@ void World::RampPattern(TimePoint from, TimePoint to, const Pattern& pattern) {
   if (pattern.arrangement != PatternArrangement::kBlack || options_.projector.black > 0) {
     patterns_[pattern].RampTo(from, to, 1);
   }
-  ForgetLocked(from);
+  // It may be told ahead of its time (the video chain's latency); what is still to be exposed is not older than the present.
+  ForgetLocked(std::min(from, clock_->Now()));
 }
 
 void World::EndProjector(TimePoint from) {
@@ -241,7 +241,8 @@ std::vector<LightTerm> World::TermsLocked(TimePoint start, TimePoint end, int ro
   return terms;
 }
 
-Image World::Render(const std::vector<LightTerm>& terms, Duration exposure, FilmSize size) {
+absl::StatusOr<Image> World::Render(const std::vector<LightTerm>& terms, Duration exposure,
+                                    FilmSize size) {
   Image sum(size.width, size.height, 3);
   // `image`, of a light of this colour, times what is open of it per row.
   auto add = [&](const Image& image, std::span<const float> rows,
@@ -257,6 +258,7 @@ Image World::Render(const std::vector<LightTerm>& terms, Duration exposure, Film
     }
   };
   for (const LightTerm& term : terms) {
+    RETURN_IF_ERROR(transport_.CheckOutside(term.pose, term.lamp));
     const Keep keep = term.moving ? Keep::kNo : Keep::kYes;
     std::vector<float> rows = term.rows;
     if (rows.empty()) rows.assign(size.height, static_cast<float>(term.level_seconds));
@@ -282,17 +284,17 @@ absl::StatusOr<std::vector<LightTerm>> World::Terms(TimePoint start, TimePoint e
   MutexLock lock(&mutex_);
   if (start < forgotten_) {
     return Error(absl::StatusCode::kOutOfRange, "HISTORY",
-                 absl::StrCat("an exposure that began ", Seconds(end - start),
-                              " s before its end reaches back beyond the ", Seconds(kHistory),
+                 absl::StrCat("an exposure that began ", Seconds(clock_->Now() - start),
+                              " s ago reaches back beyond the ", Seconds(kHistory),
                               " s that the simulation remembers"),
-                 {{"exposure_s", absl::StrCat(Seconds(end - start))},
+                 {{"began_s_ago", absl::StrCat(Seconds(clock_->Now() - start))},
                   {"history_s", absl::StrCat(Seconds(kHistory))}});
   }
   return TermsLocked(start, end, rows);
 }
 
 absl::Status World::CheckFilm(FilmSize size) const {
-  const size_t bytes = PathBytes(size.width, size.height, options_.samples, options_.bounces);
+  const size_t bytes = transport_.EstimatePathBytes(size);
   if (bytes <= options_.paths_bytes) return absl::OkStatus();
   return Error(absl::StatusCode::kResourceExhausted, "MEMORY",
                absl::StrFormat("a simulated camera of %d x %d pixels takes about %d MB for its "
@@ -313,13 +315,14 @@ absl::StatusOr<Frame> World::Expose(TimePoint start, TimePoint end, PixelFormat 
   ASSIGN_OR_RETURN(std::vector<LightTerm> terms, Terms(start, end, size.height));
   uint64_t noise_key = sim::Fold(options_.seed, static_cast<uint64_t>((end - start).count()));
   for (const LightTerm& term : terms) noise_key = Fold(noise_key, term);
+  ASSIGN_OR_RETURN(const Image light, Render(terms, end - start, size));
   Frame frame;
   frame.format = format;
   frame.width = size.width;
   frame.height = size.height;
   frame.significant_bits = SignificantBits(format, bits);
-  frame.data = ReadSensor(Render(terms, end - start, size), options_.sensor, format, bits, gain_db,
-                          noise_key, sim::Fold(options_.seed, kFixedPattern));
+  frame.data = ReadSensor(light, options_.sensor, format, bits, gain_db, noise_key,
+                          sim::Fold(options_.seed, kFixedPattern));
   frame.exposure = end - start;
   frame.gain_db = gain_db;
   frame.exposure_start = start;

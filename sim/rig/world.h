@@ -51,7 +51,7 @@ class World {
   static constexpr Angle kMotionStep = Degrees(0.25);
 
   // `clock` must outlive the world. NOT_FOUND / SCENE if there is no scene of that name; the scene's own errors; INSIDE_OBJECT if
-  // camera or lamps stand in an object; INVALID_ARGUMENT / LAMP_UNKNOWN if a lamp is to be dim that does not exist.
+  // the camera stands in an object; INVALID_ARGUMENT / LAMP_UNKNOWN if a lamp is to be dim that does not exist.
   static absl::StatusOr<std::shared_ptr<World>> Create(const WorldOptions& options,
                                                        const RigGeometry& geometry, Clock& clock);
 
@@ -94,7 +94,8 @@ class World {
   Duration RowLag(int height) const { return options_.sensor.line_time * (height - 1); }
 
   // ∫ radiance dt of every pixel, through the camera's lens, from `start` to `end`, and of the rows below so much later
-  // (SensorOptions::line_time); end + RowLag ≤ now. 3 channels, J/(m²·sr). OUT_OF_RANGE / HISTORY if `start` is forgotten.
+  // (SensorOptions::line_time); end + RowLag ≤ now. 3 channels, J/(m²·sr). OUT_OF_RANGE / HISTORY if `start` is forgotten;
+  // INSIDE_OBJECT if what shines stands in an object.
   absl::StatusOr<Image> Integrate(TimePoint start, TimePoint end, FilmSize size);
 
   // The same through the sensor. The noise is a function of the seed and of the light terms and exposure only – not of time or of
@@ -120,7 +121,9 @@ class World {
   double LampIntegralLocked(int lamp, TimePoint a, TimePoint b) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   Pose PoseLocked(TimePoint t) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  Image Render(const std::vector<LightTerm>& terms, Duration exposure, FilmSize size);
+  // INSIDE_OBJECT if a light stands in an object.
+  absl::StatusOr<Image> Render(const std::vector<LightTerm>& terms, Duration exposure,
+                               FilmSize size);
   void ForgetLocked(TimePoint now) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const WorldOptions options_;

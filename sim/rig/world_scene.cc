@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "base/status.h"
 #include "sim/render/rig_parts.h"
 #include "sim/scenes/scenes.h"
@@ -18,11 +17,6 @@ absl::StatusOr<Scene> MakeWorldScene(const WorldOptions& options, const RigGeome
   description.materials.emplace_back();  // black
   ASSIGN_OR_RETURN(Scene scene, Scene::Build(std::move(description)));
   RETURN_IF_ERROR(scene.CheckOutside(geometry.camera.position.cast<float>(), "the camera"));
-  const BraceGeometry& brace = geometry.brace;
-  for (size_t i = 0; i < brace.lamps.size(); ++i) {
-    const Vec3 at = brace.radius.meters() * LampDirection(brace.lamps[i], Degrees(0));
-    RETURN_IF_ERROR(scene.CheckOutside(at.cast<float>(), absl::StrCat("lamp ", i)));
-  }
   return scene;
 }
 

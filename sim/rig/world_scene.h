@@ -9,8 +9,7 @@
 
 namespace lightstage::sim {
 
-// The object and the camera's body. The scene's own errors; FAILED_PRECONDITION / INSIDE_OBJECT if camera or lamps stand in an object at
-// azimuth 0°.
+// The object and the camera's body. The scene's own errors; FAILED_PRECONDITION / INSIDE_OBJECT if the camera stands in an object.
 absl::StatusOr<Scene> MakeWorldScene(const WorldOptions& options, const RigGeometry& geometry);
 
 LensOptions LensOf(const ProjectorOptics& optics, const ProjectorGeometry& projector);

@@ -1,17 +1,26 @@
 #include "sim/scenes/mesh_file.h"
 
+#include <assimp/MemoryIOWrapper.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
 #include <algorithm>
 #include <array>
 #include <assimp/DefaultLogger.hpp>
+#include <assimp/IOStream.hpp>
+#include <assimp/IOSystem.hpp>
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
+#include <cmath>
 #include <filesystem>
+#include <map>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "base/mutex.h"
 #include "base/status.h"
 
@@ -57,6 +66,161 @@ class LoggedImport {
   std::string error_;
 };
 
+// What the importer may read: the file, whose bytes are here already, and for glTF its buffers beside it. Nothing else on the disk,
+// whatever the file names.
+class FileAndBuffers final : public Assimp::IOSystem {
+ public:
+  FileAndBuffers(std::string path, const std::string& bytes, bool buffers, Env& env)
+      : path_(std::move(path)), buffers_(buffers), env_(env) {
+    files_[path_] = bytes;
+  }
+  bool Exists(const char* file) const override { return Get(file) != nullptr; }
+  char getOsSeparator() const override { return '/'; }
+  Assimp::IOStream* Open(const char* file, const char*) override {
+    const std::string* bytes = Get(file);
+    return bytes == nullptr ? nullptr
+                            : new Assimp::MemoryIOStream(
+                                  reinterpret_cast<const uint8_t*>(bytes->data()), bytes->size());
+  }
+  void Close(Assimp::IOStream* stream) override { delete stream; }
+
+ private:
+  const std::string* Get(const std::string& file) const {
+    if (auto it = files_.find(file); it != files_.end()) return &it->second;
+    const std::filesystem::path directory = std::filesystem::path(path_).parent_path(),
+                                relative =
+                                    std::filesystem::path(file).lexically_relative(directory);
+    const std::string name = relative.string();
+    if (!buffers_ || name.empty() || name.starts_with("..") || name.find('/') != std::string::npos)
+      return nullptr;
+    auto bytes = env_.ReadFile((directory / relative).string());
+    if (!bytes.ok()) return nullptr;
+    return &(files_[file] = *std::move(bytes));
+  }
+
+  const std::string path_;
+  const bool buffers_;
+  Env& env_;
+  mutable std::map<std::string, std::string> files_;
+};
+
+// The importers believe what a file says of itself. What they stumble over is looked for first.
+
+// One element per line, as many as announced, and every face has corners that there are.
+absl::Status CheckOff(const std::string& path, const std::string& bytes) {
+  constexpr size_t kLongestLine = 4000;  // what the importer has room for
+  size_t number = 0, elements = 0;
+  uint64_t vertices = 0, faces = 0;
+  bool counted = false;
+  for (std::string_view rest = bytes; !rest.empty();) {
+    const size_t end = std::min(rest.find('\n'), rest.size());
+    std::string_view line = rest.substr(0, end);
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+    ++number;
+    auto wrong = [&](const std::string& what) {
+      return Wrong(path, absl::StrCat("line ", number, ": ", what));
+    };
+    if (line.size() > kLongestLine) return wrong("is longer than 4000 characters");
+    line = line.substr(0, std::min(line.find('#'), line.size()));
+    std::vector<std::string> words =
+        absl::StrSplit(std::string(line), absl::ByAnyChar(" \t\r"), absl::SkipEmpty());
+    if (!words.empty() && !counted && words[0].ends_with("OFF")) words.erase(words.begin());
+    if (words.empty()) continue;
+    if (!counted) {
+      if (words.size() < 2 || !absl::SimpleAtoi(words[0], &vertices) ||
+          !absl::SimpleAtoi(words[1], &faces)) {
+        return wrong("must have the numbers of vertices and faces");
+      }
+      counted = true;
+      continue;
+    }
+    if (elements >= vertices + faces) break;  // what else there is, is not read
+    if (elements++ < vertices) continue;
+    uint64_t corners = 0;
+    if (!absl::SimpleAtoi(words[0], &corners) || corners < 1 || words.size() <= corners) {
+      return wrong("must have a face: how many corners, then each of them");
+    }
+    for (uint64_t k = 1; k <= corners; ++k) {
+      uint64_t vertex = 0;
+      if (absl::SimpleAtoi(words[k], &vertex) && vertex < vertices) continue;
+      return wrong(absl::StrCat("the face has the corner ", words[k], "; there are ", vertices,
+                                " vertices"));
+    }
+  }
+  if (!counted || elements < vertices + faces) {
+    return Wrong(path, absl::StrCat("announces ", vertices, " vertices and ", faces,
+                                    " faces, but has only ", elements, " lines for them"));
+  }
+  return absl::OkStatus();
+}
+
+// The faces that a PLY header announces; no more elements than the file can hold.
+absl::StatusOr<uint64_t> CheckPly(const std::string& path, const std::string& bytes) {
+  const size_t end = bytes.find("end_header");
+  if (!bytes.starts_with("ply") || end == std::string::npos) {
+    return Wrong(path, "is no PLY file: it must begin with 'ply' and have an 'end_header'");
+  }
+  uint64_t faces = 0, total = 0;
+  bool text = false;
+  for (absl::string_view line : absl::StrSplit(absl::string_view(bytes.data(), end), '\n')) {
+    const std::vector<std::string> words =
+        absl::StrSplit(line, absl::ByAnyChar(" \t\r"), absl::SkipEmpty());
+    if (words.size() > 1 && words[0] == "format") text = words[1] == "ascii";
+    if (words.size() < 3 || words[0] != "element") continue;
+    uint64_t count = 0;
+    if (!absl::SimpleAtoi(words[2], &count) || count > bytes.size()) {
+      return Wrong(path, absl::StrCat("announces ", words[2], " of ", words[1], "; its ",
+                                      bytes.size(), " bytes cannot hold them"));
+    }
+    total += count;
+    if (words[1] == "face") faces = count;
+  }
+  if (text) {
+    const auto lines = static_cast<uint64_t>(
+        std::count(bytes.begin() + static_cast<ptrdiff_t>(end), bytes.end(), '\n'));
+    // The header's own last line, and the last one may lack its end.
+    if (lines + (bytes.back() != '\n') < total + 1) {
+      return Wrong(path, absl::StrCat("announces ", total, " elements, but has only ", lines - 1,
+                                      " lines for them"));
+    }
+  }
+  return faces;
+}
+
+absl::Status CheckNesting(const std::string& path, const std::string& json) {
+  int depth = 0;
+  for (char c : json) {
+    depth += (c == '[' || c == '{') ? 1 : (c == ']' || c == '}') ? -1 : 0;
+    if (depth > 200) return Wrong(path, "is nested more than 200 deep");
+  }
+  return absl::OkStatus();
+}
+
+// What the importer has made of it.
+absl::Status CheckImported(const std::string& path, const aiScene& scene) {
+  for (unsigned int m = 0; m < scene.mNumMeshes; ++m) {
+    const aiMesh& part = *scene.mMeshes[m];
+    for (unsigned int v = 0; v < part.mNumVertices; ++v) {
+      const aiVector3D& at = part.mVertices[v];
+      if (std::isfinite(at.x) && std::isfinite(at.y) && std::isfinite(at.z)) continue;
+      return Wrong(path, absl::StrCat("vertex ", v, " of part ", m, " is no number"));
+    }
+    for (unsigned int f = 0; f < part.mNumFaces; ++f) {
+      const aiFace& face = part.mFaces[f];
+      if (face.mIndices == nullptr || face.mNumIndices == 0) {
+        return Wrong(path, absl::StrCat("face ", f, " of part ", m, " has no corners"));
+      }
+      for (unsigned int k = 0; k < face.mNumIndices; ++k) {
+        if (face.mIndices[k] < part.mNumVertices) continue;
+        return Wrong(path, absl::StrCat("face ", f, " of part ", m, " has the corner ",
+                                        static_cast<int32_t>(face.mIndices[k]), "; there are ",
+                                        part.mNumVertices, " vertices"));
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
 Vec3f ToVec(const aiVector3D& v, bool y_up) {
   return y_up ? Vec3f(v.x, -v.z, v.y) : Vec3f(v.x, v.y, v.z);
 }
@@ -70,29 +234,39 @@ absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
   if (std::find(kKnown.begin(), kKnown.end(), extension) == kKnown.end()) {
     return Wrong(path, "must end with .off, .obj, .ply, .gltf or .glb");
   }
-  RETURN_IF_ERROR(env.ReadInput(path).status());  // says why not, better than the importer
+  // A regular file, for the importer would wait for a pipe.
+  ASSIGN_OR_RETURN(const std::string bytes, env.ReadFile(path));
+  uint64_t faces = 0;
+  if (extension == ".off") RETURN_IF_ERROR(CheckOff(path, bytes));
+  if (extension == ".gltf") RETURN_IF_ERROR(CheckNesting(path, bytes));
+  if (extension == ".ply") {
+    ASSIGN_OR_RETURN(faces, CheckPly(path, bytes));
+  }
   const LoggedImport logged;
   Assimp::Importer importer;
+  importer.SetIOHandler(
+      new FileAndBuffers(path, bytes, extension.starts_with(".gl"), env));  // which it owns
   importer.SetPropertyFloat(AI_CONFIG_PP_GSN_MAX_SMOOTHING_ANGLE,
                             static_cast<float>(crease.degrees()));
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE,
                               aiPrimitiveType_POINT | aiPrimitiveType_LINE);
   const aiScene* scene = importer.ReadFile(path, 0);
-  // Before vertices are compared, of which a number that is none makes nonsense.
-  for (unsigned int m = 0; scene != nullptr && m < scene->mNumMeshes; ++m) {
-    const aiMesh& part = *scene->mMeshes[m];
-    for (unsigned int v = 0; v < part.mNumVertices; ++v) {
-      if (ToVec(part.mVertices[v], false).allFinite()) continue;
-      return Wrong(path, absl::StrCat("vertex ", v, " of part ", m, " is no number"));
-    }
-  }
   if (scene != nullptr) {
+    RETURN_IF_ERROR(CheckImported(path, *scene));
+    uint64_t read = 0;
+    for (unsigned int m = 0; m < scene->mNumMeshes; ++m) read += scene->mMeshes[m]->mNumFaces;
+    if (extension == ".ply" && read != faces) {
+      return Wrong(path, absl::StrCat("announces ", faces, " faces; ", read, " could be read"));
+    }
     scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_PreTransformVertices |
                                          aiProcess_SortByPType | aiProcess_GenSmoothNormals |
                                          aiProcess_JoinIdenticalVertices);
   }
-  if (scene == nullptr)
-    return Wrong(path, absl::StrCat("cannot be read: ", importer.GetErrorString()));
+  if (scene == nullptr) {
+    return Wrong(path,
+                 absl::StrCat("cannot be read: ",
+                              logged.error().empty() ? importer.GetErrorString() : logged.error()));
+  }
   if (!logged.error().empty()) return Wrong(path, logged.error());
   const bool y_up = extension == ".gltf" || extension == ".glb";
   Mesh mesh;

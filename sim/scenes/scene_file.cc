@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "base/status.h"
@@ -33,7 +34,10 @@ class Reader {
     if (root.Bool("turntable", true)) PutGround(&builder_);
     const TomlTable materials = root.Table("material");
     for (const std::string& name : materials.Keys()) {
-      materials_[name] = builder_.Add(ReadMaterial(materials.Table(name)));
+      const TomlTable table = materials.Table(name);
+      materials_[name] = builder_.Add(ReadMaterial(table));
+      if (needs_uv_) uv_materials_.insert(name);
+      needs_uv_ = false;
     }
     for (const TomlTable& table : root.Tables("mesh")) ReadMeshTable(table);
     for (const TomlTable& table : root.Tables("ball")) {
@@ -42,6 +46,7 @@ class Reader {
                        MaterialOf(table));
     }
     for (const TomlTable& table : root.Tables("box")) {
+      RequireUv(table, "a box");
       const Vec3f center = Position(table, "center_m"),
                   size = ToVec(table.Doubles("size_m", 1e-5, 100, 3));
       const auto yaw = static_cast<float>(Degrees(table.Double("yaw_deg", -360, 360, 0)).radians());
@@ -111,6 +116,7 @@ class Reader {
         std::make_shared<const Image>(*std::move(picture));  // shared: materials are copied
     const int a = from == "yz" ? 1 : 0, b = from == "xy" ? 1 : 2;
     const bool uv = from == "uv";
+    needs_uv_ = uv;
     return [shared, a, b, uv, scale = repeat / size](const SurfacePoint& at) {
       return Lookup(*shared, scale * (uv ? at.uv : Vec2f(at.position[a], at.position[b])));
     };
@@ -158,6 +164,7 @@ class Reader {
       if (!file.empty()) table.ErrorAt("file", MessageOf(mesh.status()));
       return;
     }
+    if (mesh->uvs.empty()) RequireUv(table, "this mesh");
     Eigen::AlignedBox3f box;
     for (const Vec3f& v : mesh->vertices) box.extend(v);
     const float extent = box.sizes().maxCoeff();
@@ -181,10 +188,21 @@ class Reader {
     builder_.Put(std::move(out), material);
   }
 
+  // A texture that is looked up by texture coordinates needs some.
+  void RequireUv(const TomlTable& table, const char* what) const {
+    if (uv_materials_.contains(table.String("material"))) {
+      table.ErrorAt("material",
+                    absl::StrCat("has a texture by texture coordinates, which ", what,
+                                 " does not have: give the texture a projection of xy, xz or yz"));
+    }
+  }
+
   const std::filesystem::path directory_;
   Env& env_;
   Builder builder_;
   std::map<std::string, int> materials_;
+  std::set<std::string> uv_materials_;
+  bool needs_uv_ = false;  // the material that is being read
 };
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include "sim/scenes/scenes.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cmath>
 #include <cstdlib>
@@ -159,6 +160,43 @@ TEST_F(SceneFiles, BadMeshesAreRefusedByFileAndElement) {
   ExpectRefused(with("flat.off", grey), {"flat.off", "no area"});
   Write("index.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n");
   ExpectRefused(with("index.off", grey), {"index.off"});
+  Write("negative.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n");
+  ExpectRefused(with("negative.off", grey), {"negative.off: line 6", "-1"});
+  Write("few.off", "OFF\n3 9 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  ExpectRefused(with("few.off", grey), {"few.off", "9 faces"});
+  Write("many.off", "OFF\n400000000 1 0\n0 0 0\n");
+  ExpectRefused(with("many.off", grey), {"many.off", "400000000"});
+  Write("long.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2" + std::string(5000, ' ') + "\n");
+  ExpectRefused(with("long.off", grey), {"long.off: line 6", "longer"});
+  const std::string ply =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
+      "z\n";
+  const std::string list =
+      "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n";
+  Write("corner.ply", ply + "element face 1\n" + list + "3 0 1 77\n");
+  ExpectRefused(with("corner.ply", grey), {"corner.ply"});
+  Write("few.ply", ply + "element face 5\n" + list + "3 0 1 2\n3 0 2 1\n");
+  ExpectRefused(with("few.ply", grey), {"few.ply"});
+  Write("noend.ply", ply);
+  ExpectRefused(with("noend.ply", grey), {"noend.ply", "end_header"});
+  Write("deep.gltf", std::string(200000, '['));
+  ExpectRefused(with("deep.gltf", grey), {"deep.gltf", "nested"});
+  Write("out.gltf",
+        R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+    "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+    "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
+    "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":"../../../../../../etc/passwd"}]})");
+  ExpectRefused(with("out.gltf", grey), {"out.gltf"});
+  ASSERT_EQ(mkfifo((directory_ / "pipe.off").c_str(), 0600), 0);
+  ExpectRefused(with("pipe.off", grey), {"pipe.off"});
+  Write("inside-out.off",
+        "OFF\n4 4 0\n0 0 0\n2 0 0\n0 2 0\n0 0 2\n3 0 1 2\n3 0 3 1\n3 0 2 3\n3 1 3 2\n");
+  EXPECT_TRUE(Load(with("inside-out.off", grey)).ok());
+  ExpectRefused(with("inside-out.off", foam), {"inside-out.off", "inside out"});
+  Write("against.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 -1\nf 1//1 2//1 3//1\n");
+  ExpectRefused(with("against.obj", grey), {"against.obj", "other side"});
+  Write("uv.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1e37\nf 1/1 2/1 3/1\n");
+  ExpectRefused(with("uv.obj", grey), {"uv.obj", "texture coordinates"});
   Write("short.off", "OFF\n4 4 0\n0 0 0\n2 0");
   ExpectRefused(with("short.off", grey), {"short.off"});
   Write("empty.ply", "");

@@ -53,7 +53,7 @@ absl::StatusOr<Image> DecodePng(const std::string& bytes, const std::string& pat
 }  // namespace
 
 absl::StatusOr<Image> ReadTexture(const std::string& path, Env& env) {
-  ASSIGN_OR_RETURN(std::string bytes, env.ReadInput(path));
+  ASSIGN_OR_RETURN(std::string bytes, env.ReadFile(path));
   if (!path.ends_with(".exr")) return DecodePng(bytes, path);
   ASSIGN_OR_RETURN(Image picture, DecodeExr(bytes, path));
   Image image(picture.width(), picture.height(), 3);
@@ -61,8 +61,8 @@ absl::StatusOr<Image> ReadTexture(const std::string& path, Env& env) {
     for (int x = 0; x < image.width(); ++x) {
       for (int c = 0; c < 3; ++c) {
         const float v = picture.at(x, y, picture.channels() == 3 ? c : 0);
-        if (std::isnan(v)) {
-          return Wrong(path, absl::StrCat("pixel (", x, ", ", y, ") is no number"));
+        if (!std::isfinite(v)) {
+          return Wrong(path, absl::StrCat("pixel (", x, ", ", y, ") is no finite number"));
         }
         image.at(x, y, c) = std::clamp(v, 0.0f, 1.0f);
       }

@@ -4,10 +4,15 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <functional>
 #include <optional>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
 #include "base/env.h"
 #include "base/status.h"
 #include "base/version.h"
@@ -32,7 +37,8 @@ namespace {
 constexpr char kFooter[] = R"(
 SCENE is the name of a scene of the simulator or a scene file (.toml); default: what the rig file's
 [simulation] says.
-The picture is radiance, W/(m²·sr), as the rig file's camera sees it; MAP is a latitude-longitude
+The picture is radiance, W/(m²·sr), as it comes to the rig file's camera: without the camera's lens
+and sensor, and without ambient light. MAP is a latitude-longitude
 OpenEXR picture of radiance, as relight env takes it.
 
 Exit codes: 0 done, 1 failed, 2 the command line cannot be read)";
@@ -67,15 +73,22 @@ absl::StatusOr<AddLight> LightOf(const Flags& flags, const Scene& scene,
           absl::StatusCode::kInvalidArgument, "LAMP_UNKNOWN",
           absl::StrFormat("lamp %d does not exist: this rig has %d lamps", flags.lamp, count));
     }
-    return [&, pose, parts](const Paths& paths, uint64_t seed, float share, Image* sum) {
-      const DiscLight light =
-          LampLight(geometry.brace, flags.lamp, pose.azimuth, options.lamps.intensity_w_sr, seed);
-      Image image = Illuminate(scene, paths, light, parts.get());
-      for (size_t i = 0; i < image.pixels().size(); ++i) {
-        image.pixels()[i] *= static_cast<float>(options.lamps.color[i % 3]);
-      }
-      Add(image, share, sum);
+    auto light_of = [&, pose](uint64_t seed) {
+      return LampLight(geometry.brace, flags.lamp, pose.azimuth, options.lamps.intensity_w_sr,
+                       seed);
     };
+    RETURN_IF_ERROR(
+        scene.CheckOutside(Vec3f(light_of(0).center), absl::StrCat("lamp ", flags.lamp)));
+    auto dim = options.lamps.dim.find(flags.lamp);
+    const double strength = dim == options.lamps.dim.end() ? 1 : dim->second;
+    return
+        [&, light_of, parts, strength](const Paths& paths, uint64_t seed, float share, Image* sum) {
+          Image image = Illuminate(scene, paths, light_of(seed), parts.get());
+          for (size_t i = 0; i < image.pixels().size(); ++i) {
+            image.pixels()[i] *= static_cast<float>(strength * options.lamps.color[i % 3]);
+          }
+          Add(image, share, sum);
+        };
   }
   if (!flags.pattern.empty()) {
     if (!geometry.projector.present) {
@@ -87,34 +100,65 @@ absl::StatusOr<AddLight> LightOf(const Flags& flags, const Scene& scene,
     RETURN_IF_ERROR(Validate(pattern));
     Image raster = Emitted(Rasterize(pattern, geometry.projector.width, geometry.projector.height),
                            options.projector);
-    return [&, pose, parts, raster = std::move(raster)](const Paths& paths, uint64_t seed,
-                                                        float share, Image* sum) {
-      const LensLight light =
-          ProjectorLight(geometry.projector, LensOf(options.projector, geometry.projector), pose,
-                         options.projector.intensity_w_sr, seed);
-      Illuminate(scene, paths, light, parts.get()).Add(raster, share, sum);
+    auto light_of = [&, pose](uint64_t seed) {
+      return ProjectorLight(geometry.projector, LensOf(options.projector, geometry.projector), pose,
+                            options.projector.intensity_w_sr, seed);
+    };
+    RETURN_IF_ERROR(scene.CheckOutside(Vec3f(light_of(0).position), "the projector"));
+    return [&, light_of, parts, raster = std::move(raster)](const Paths& paths, uint64_t seed,
+                                                            float share, Image* sum) {
+      Illuminate(scene, paths, light_of(seed), parts.get()).Add(raster, share, sum);
     };
   }
   ASSIGN_OR_RETURN(Image picture, ReadExr(flags.environment));
   auto map = EnvironmentMap::FromImage(std::move(picture));
   if (!map.ok()) return Annotate(map.status(), flags.environment);
   auto light = std::make_shared<EnvironmentLight>(*map, Degrees(flags.rotate_deg));
+  if (light->IsBlack()) {
+    return Error(absl::StatusCode::kInvalidArgument, "ENVIRONMENT_BLACK",
+                 absl::StrCat(flags.environment, ": is black: no pixel is above 0"));
+  }
   return [&scene, light](const Paths& paths, uint64_t, float share, Image* sum) {
     Add(Illuminate(scene, paths, *light), share, sum);
   };
 }
 
+absl::Status Usage(const std::string& message) {
+  return Error(absl::StatusCode::kInvalidArgument, "USAGE", message);
+}
+
 absl::Status ParseSize(const std::string& text, int* width, int* height) {
-  char rest;
-  if (std::sscanf(text.c_str(), "%dx%d%c", width, height, &rest) == 2 && *width >= 1 &&
-      *height >= 1 && *width <= 16384 && *height <= 16384) {
+  const std::vector<std::string> parts = absl::StrSplit(text, 'x');
+  auto number = [](const std::string& digits, int* out) {
+    return !digits.empty() && digits.size() <= 5 &&
+           std::all_of(digits.begin(), digits.end(), absl::ascii_isdigit) &&
+           absl::SimpleAtoi(digits, out) && *out >= 1 && *out <= 16384;
+  };
+  if (parts.size() == 2 && number(parts[0], width) && number(parts[1], height))
     return absl::OkStatus();
+  return Usage(absl::StrCat("'", text, "' is no size: give e.g. 640x480, up to 16384"));
+}
+
+// What the options' own checks let through.
+absl::Status CheckFlags(const Flags& flags) {
+  for (const auto& [name, value] :
+       {std::pair("--azimuth", flags.azimuth_deg), std::pair("--tilt", flags.tilt_deg),
+        std::pair("--rotate", flags.rotate_deg)}) {
+    if (!std::isfinite(value)) return Usage(absl::StrCat(name, " must be a number"));
   }
-  return Error(absl::StatusCode::kInvalidArgument, "USAGE",
-               absl::StrCat("'", text, "' is no size: give e.g. 640x480, up to 16384"));
+  if (flags.png == flags.out) return Usage("--out and --png are the same file");
+  // Before hours are spent.
+  for (const std::string& file : {flags.out, flags.png}) {
+    const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+    if (folder.empty() || std::filesystem::is_directory(folder)) continue;
+    return Error(absl::StatusCode::kNotFound, "FOLDER",
+                 absl::StrCat(file, ": there is no folder ", folder.string()));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status Render(const Flags& flags, std::ostream& out, std::ostream& err, bool terminal) {
+  RETURN_IF_ERROR(CheckFlags(flags));
   DriverRegistry drivers;
   std::shared_ptr<Simulation> simulation = RegisterBuiltinDrivers(drivers);
   ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadInput(flags.rig));
@@ -130,20 +174,23 @@ absl::Status Render(const Flags& flags, std::ostream& out, std::ostream& err, bo
   ASSIGN_OR_RETURN(Scene scene, MakeWorldScene(options, rig->geometry));
   ASSIGN_OR_RETURN(AddLight add, LightOf(flags, scene, rig->geometry, options));
 
-  const size_t bytes =
-      PathBytes(width, height, std::min(flags.samples, kSamplesAtOnce), flags.bounces);
+  const PathOptions path_options{.samples = 1, .bounces = flags.bounces, .seed = flags.seed};
+  const size_t bytes = EstimatePathBytes(scene, rig->geometry.camera, width, height, path_options);
   if (bytes > kMostPathBytes) {
-    return Error(absl::StatusCode::kResourceExhausted, "MEMORY",
-                 absl::StrFormat("a picture of %d×%d takes %.1f GB for its paths, at most %.1f GB "
-                                 "are used: make it smaller",
-                                 width, height, bytes / 1e9, kMostPathBytes / 1e9));
+    return Error(
+        absl::StatusCode::kResourceExhausted, "MEMORY",
+        absl::StrFormat("a picture of %d×%d takes about %.1f GB for its paths, at most %.1f GB "
+                        "are used: make it or --bounces smaller",
+                        width, height, bytes / 1e9, kMostPathBytes / 1e9));
   }
+  const int at_once = static_cast<int>(
+      std::clamp<size_t>(kMostPathBytes / std::max<size_t>(bytes, 1), 1, kSamplesAtOnce));
 
   Image sum(width, height, 3);
   const auto start = std::chrono::steady_clock::now();
   auto told = start;
   for (int done = 0; done < flags.samples;) {
-    const int samples = std::min(kSamplesAtOnce, flags.samples - done);
+    const int samples = std::min(at_once, flags.samples - done);
     const uint64_t seed = Fold(flags.seed, static_cast<uint64_t>(done));
     const Paths paths(scene, rig->geometry.camera, width, height,
                       {.samples = samples, .bounces = flags.bounces, .seed = seed});
@@ -190,9 +237,16 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
   app.add_option("--rig", flags.rig, "Rig file (TOML): geometry, camera, lights")->required();
   auto* light = app.add_option_group("light", "What shines; one of them");
   light->add_option("--lamp", flags.lamp, "This lamp at level 1")->check(CLI::NonNegativeNumber);
-  light->add_option("--pattern", flags.pattern,
-                    "The projector, e.g. full or square,grid=16,column=3,row=8");
-  light->add_option("--environment", flags.environment, "An environment map (OpenEXR)");
+  light
+      ->add_option("--pattern", flags.pattern,
+                   "The projector, e.g. full or square,grid=16,column=3,row=8")
+      ->check([](const std::string& text) {
+        return text.empty() ? std::string("is empty") : std::string();
+      });
+  light->add_option("--environment", flags.environment, "An environment map (OpenEXR)")
+      ->check([](const std::string& text) {
+        return text.empty() ? std::string("is empty") : std::string();
+      });
   light->require_option(1);
   app.add_option("--azimuth", flags.azimuth_deg, "Turntable, degrees")
       ->check(CLI::Range(-360.0, 360.0));
@@ -206,7 +260,9 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
   app.add_option("--bounces", flags.bounces, "Between surfaces; 0: direct light only")
       ->check(CLI::Range(0, kMostBounces))
       ->capture_default_str();
-  app.add_option("--seed", flags.seed, "Of the noise")->capture_default_str();
+  app.add_option("--seed", flags.seed, "Of the noise")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app.add_option("--size", flags.size, "WIDTHxHEIGHT; default: the rig file's camera");
   app.add_option("--out", flags.out, "The picture (OpenEXR, linear float)")->required();
   app.add_option("--png", flags.png, "The same for looking at, exposed automatically");
