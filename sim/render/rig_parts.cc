@@ -80,8 +80,8 @@ std::unique_ptr<RTCSceneTy, RigParts::Release> RigParts::At(const Pose& pose) co
   const ViewFrame frame = gantry() ? ProjectorFrame(geometry_.projector, pose) : ViewFrame{};
   if (width > 0) parts.push_back(BodyBehind(frame, width, width / 2, width));
   if (bar > 0) {
-    // The gantry turns about a horizontal axis through the origin; its bars go up on both sides, clear of the projector's light.
-    const double side = std::max(width, 2 * bar) / 2 + 0.25 * geometry_.projector.distance.meters();
+    // The gantry turns about a horizontal axis through the origin; its bars go up on both sides, farther out than the camera ever comes.
+    const double side = geometry_.camera.position.norm() + width + 2 * bar;
     for (const double sign : {-1.0, 1.0}) {
       const Vec3 axis = sign * side * frame.right, top = axis + frame.position;
       AddRod(axis, top, bar, &parts);

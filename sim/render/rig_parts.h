@@ -17,13 +17,14 @@ namespace lightstage::sim {
 
 // Sizes in metres; 0: there is none.
 struct PartOptions {
-  double camera_body = 0;  // edge of a square box behind the camera's pinhole, twice as long
-  double brace_bar =
-      0;  // diameter of the bar behind the lamps, from each to the next, and of a housing behind each
-  double projector_body =
-      0;  // width of a box behind the projector's lens; half as high, as long as wide
-  double gantry_bar =
-      0;  // diameter of the two bars from the turning axis, beside the table, to the projector
+  // Edge of a square box behind the camera's pinhole, twice as long.
+  double camera_body = 0;
+  // Diameter of the bar behind the lamps, from each to the next, and of a housing behind each.
+  double brace_bar = 0;
+  // Width of a box behind the projector's lens; half as high, as long as wide.
+  double projector_body = 0;
+  // Diameter of the two bars from the turning axis to the projector, outside of the camera's way.
+  double gantry_bar = 0;
 };
 
 // In the object frame, to be put into the scene; nothing if the options have none.
