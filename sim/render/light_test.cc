@@ -244,6 +244,51 @@ TEST(Furnace, PlasticAndMetalReflectWhatTheirModelSays) {
   }
 }
 
+// ---- Light that differs from place to place
+
+// A field that brightens evenly from black to 1 across its grid, on the very ground: a point there sees the same from all directions,
+// and shows albedo · its share of the way. Beyond the edge it is as at the edge.
+TEST(LightField, IsBilinearWhereItsPlaneIsCrossed) {
+  auto map = [](float v) { return *EnvironmentMap::FromImage(Image(8, 4, 3, v)); };
+  const IncidentLightField field({map(0), map(1), map(0), map(1)}, 2, 2, Vec3(-0.2, -0.3, 0),
+                                 Vec3(0.4, 0, 0), Vec3(0.05, 0.6, 0));
+  const Scene scene = BuildScene({Floor(5, 0)}, {{.diffuse = Rgb::Constant(0.5f)}});
+  for (const auto& [x, share] :
+       {std::pair(-0.1, 0.25), std::pair(0.15, 0.875), std::pair(0.3, 1.0)}) {
+    // u and v are not square: a step along v moves x by 1/12 of it.
+    for (double y : {-0.3, 0.15}) {
+      const double along = std::clamp(share - (y + 0.3) / 12 / 0.4, 0.0, 1.0),
+                   expected = share == 1 ? 1 : along;
+      const Paths paths(scene, Spot(Vec3(x, y, 0)), 16, 16, {.samples = 1024});
+      EXPECT_NEAR(Mean(Illuminate(scene, paths, field)) / (0.5 * expected), 1, 2e-3)
+          << x << ", " << y;
+    }
+  }
+  // On its way down a slanted line crosses the plane elsewhere: 10 cm above the ground, at 45° towards +x, 10 cm further.
+  EXPECT_NEAR(field.At(Vec3(0, -0.3, -0.1), Vec3(1, 0, 1).normalized()).x(), 0.75, 1e-9);
+  EXPECT_NEAR(field.At(Vec3(0, -0.3, 0.1), Vec3(1, 0, 1).normalized()).x(), 0.25, 1e-9)
+      << "the line's other side";
+}
+
+TEST(LightField, OfEqualMapsIsAnEnvironment) {
+  Image picture(16, 8, 3);
+  for (size_t i = 0; i < picture.pixels().size(); ++i)
+    picture.pixels()[i] = static_cast<float>((i * 37) % 11);
+  const EnvironmentMap map = *EnvironmentMap::FromImage(std::move(picture));
+  const IncidentLightField field(std::vector<EnvironmentMap>(6, map), 3, 2, Vec3(-1, -1, 0.5),
+                                 Vec3(2, 0, 0), Vec3(0, 2, 0));
+  const EnvironmentLight light(map, Degrees(0));
+  const Scene scene = BuildScene(
+      {Floor(0.2f, 0), Sphere(Vec3f(0, 0, 0.05f), 0.05f)},
+      {{.diffuse = Rgb::Constant(0.5f), .specular = Rgb::Constant(0.1f), .roughness = 0.2f}});
+  const Paths paths(scene, {Vec3(0, -1, 0.5), Vec3::Zero(), Degrees(20)}, 24, 24,
+                    {.samples = 8, .bounces = 2});
+  const Image a = Illuminate(scene, paths, field), b = Illuminate(scene, paths, light);
+  EXPECT_GT(Mean(a), 0.1);
+  for (size_t i = 0; i < a.pixels().size(); ++i)
+    ASSERT_NEAR(a.pixels()[i], b.pixels()[i], 1e-4f * (1 + b.pixels()[i]));
+}
+
 // ---- Places
 
 // Where in the picture, in pixels, a point is seen.

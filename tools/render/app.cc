@@ -30,6 +30,7 @@
 #include "sim/rig/lenses.h"
 #include "sim/rig/world_scene.h"
 #include "sim/scenes/scenes.h"
+#include "tools/render/light_field.h"
 
 namespace lightstage::sim {
 namespace {
@@ -48,7 +49,7 @@ constexpr int kSamplesAtOnce = 16;
 constexpr size_t kMostPathBytes = size_t{4} << 30;
 
 struct Flags {
-  std::string scene, rig, pattern, environment, out, png, size;
+  std::string scene, rig, pattern, environment, light_field, out, png, size;
   int lamp = -1, samples = 256, bounces = kMostBounces;
   double azimuth_deg = 0, tilt_deg = 0, rotate_deg = 0;
   uint64_t seed = 1;
@@ -108,6 +109,13 @@ absl::StatusOr<AddLight> LightOf(const Flags& flags, const Scene& scene,
     return [&, light_of, parts, raster = std::move(raster)](const Paths& paths, uint64_t seed,
                                                             float share, Image* sum) {
       Illuminate(scene, paths, light_of(seed), parts.get()).Add(raster, share, sum);
+    };
+  }
+  if (!flags.light_field.empty()) {
+    ASSIGN_OR_RETURN(IncidentLightField field, ReadLightField(flags.light_field));
+    auto light = std::make_shared<IncidentLightField>(std::move(field));
+    return [&scene, light](const Paths& paths, uint64_t, float share, Image* sum) {
+      Add(Illuminate(scene, paths, *light), share, sum);
     };
   }
   ASSIGN_OR_RETURN(Image picture, ReadExr(flags.environment));
@@ -247,12 +255,19 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
       ->check([](const std::string& text) {
         return text.empty() ? std::string("is empty") : std::string();
       });
+  light
+      ->add_option("--incident-light-field", flags.light_field,
+                   "A folder of environment maps on a grid (tools/render/light_field.h)")
+      ->check([](const std::string& text) {
+        return text.empty() ? std::string("is empty") : std::string();
+      });
   light->require_option(1);
   app.add_option("--azimuth", flags.azimuth_deg, "Turntable, degrees")
       ->check(CLI::Range(-360.0, 360.0));
   app.add_option("--tilt", flags.tilt_deg, "Projector's gantry, degrees")
       ->check(CLI::Range(0.0, 90.0));
-  app.add_option("--rotate", flags.rotate_deg, "Turn the map about the vertical, degrees")
+  app.add_option("--rotate", flags.rotate_deg,
+                 "Turn the environment map about the vertical, degrees")
       ->check(CLI::Range(-360.0, 360.0));
   app.add_option("--spp", flags.samples, "Paths per pixel")
       ->check(CLI::Range(1, 1 << 20))

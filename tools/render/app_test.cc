@@ -1,6 +1,7 @@
 #include "tools/render/app.h"
 
 #include <filesystem>
+#include <fstream>
 #include <sstream>
 
 #include "dataset/exr.h"
@@ -83,6 +84,59 @@ TEST(RenderApp, MistakesAreNamed) {
   Result rig = RunRender({"--rig", "/nowhere.toml", "--lamp", "1", "--out", out});
   EXPECT_EQ(rig.code, 1);
   EXPECT_THAT(rig.err, HasSubstr("/nowhere.toml"));
+}
+
+TEST(RenderApp, IncidentLightFieldComesFromAFolder) {
+  const std::filesystem::path folder = Path("field");
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder);
+  auto index = [&](const std::string& text) { std::ofstream(folder / "light_field.toml") << text; };
+  const std::string good =
+      "columns = 2\nrows = 1\norigin_m = [-0.2, 0, 0.1]\nu_m = [0.4, 0, 0]\nv_m = [0, 1, 0]\n";
+  index(good);
+  const std::string out = Path("field.exr");
+  auto render = [&] {
+    return RunRender({"--rig", kRig, "--incident-light-field", folder.string(), "--spp", "4",
+                      "--bounces", "0", "--size", "32x24", "--out", out});
+  };
+  EXPECT_THAT(render().err, HasSubstr("0-0.exr"));
+  ASSERT_TRUE(
+      WriteExr((folder / "0-0.exr").string(), Image(8, 4, 3, 0.0f), ExrPixelType::kFloat).ok());
+  ASSERT_TRUE(
+      WriteExr((folder / "0-1.exr").string(), Image(8, 4, 3, 0.0f), ExrPixelType::kFloat).ok());
+  EXPECT_THAT(render().err, HasSubstr("black"));
+  ASSERT_TRUE(
+      WriteExr((folder / "0-1.exr").string(), Image(16, 8, 3, 1.0f), ExrPixelType::kFloat).ok());
+  EXPECT_THAT(render().err, HasSubstr("0-1.exr: is 16 x 8 pixels, must be 8 x 4"));
+  ASSERT_TRUE(
+      WriteExr((folder / "0-1.exr").string(), Image(8, 4, 3, 1.0f), ExrPixelType::kFloat).ok());
+  Result done = render();
+  ASSERT_EQ(done.code, 0) << done.err;
+  // It is brighter on the right.
+  auto image = ReadExr(out);
+  ASSERT_TRUE(image.ok());
+  double left = 0, right = 0;
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 10; ++x) left += image->at(x, y, 1), right += image->at(31 - x, y, 1);
+  }
+  EXPECT_GT(right, 1.5 * left);
+  index(good + "w = 3\n");
+  EXPECT_THAT(render().err, HasSubstr("light_field.toml:6"));
+  index("columns = 2\nrows = 1\norigin_m = [0, 0, 0]\nu_m = [0.4, 0, 0]\nv_m = [1, 0, 0]\n");
+  EXPECT_THAT(render().err, HasSubstr("parallel"));
+}
+
+TEST(RenderApp, NumbersThatAreNoneAndFilesThatAreOneAreRefused) {
+  const std::string out = Path("never.exr");
+  EXPECT_EQ(RunRender({"--rig", kRig, "--lamp", "1", "--azimuth", "nan", "--out", out}).code, 2);
+  EXPECT_EQ(RunRender({"--rig", kRig, "--lamp", "1", "--size", "4294967297x8", "--out", out}).code,
+            2);
+  EXPECT_EQ(RunRender({"--rig", kRig, "--lamp", "1", "--size", " 8x8", "--out", out}).code, 2);
+  EXPECT_EQ(RunRender({"--rig", kRig, "--pattern", "", "--out", out}).code, 2);
+  EXPECT_EQ(RunRender({"--rig", kRig, "--lamp", "1", "--out", out, "--png", out}).code, 2);
+  EXPECT_THAT(RunRender({"--rig", kRig, "--lamp", "1", "--out", "/nowhere/at/all.exr"}).err,
+              HasSubstr("no folder /nowhere/at"));
+  EXPECT_FALSE(std::filesystem::exists(out));
 }
 
 }  // namespace

@@ -1,0 +1,61 @@
+#include "tools/render/light_field.h"
+
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "base/env.h"
+#include "base/status.h"
+#include "base/toml.h"
+#include "dataset/exr.h"
+
+namespace lightstage::sim {
+namespace {
+
+Vec3 ToVec(const std::vector<double>& v) {
+  return v.size() == 3 ? Vec3(v[0], v[1], v[2]) : Vec3::Zero();
+}
+
+}  // namespace
+
+absl::StatusOr<IncidentLightField> ReadLightField(const std::string& directory) {
+  const std::filesystem::path folder(directory);
+  const std::string index = (folder / "light_field.toml").string();
+  ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadInput(index));
+  ASSIGN_OR_RETURN(TomlDocument document, TomlDocument::Parse(text, index));
+  const TomlTable& table = document.root();
+  const int columns = static_cast<int>(table.Int("columns", 1, 64)),
+            rows = static_cast<int>(table.Int("rows", 1, 64));
+  const Vec3 origin = ToVec(table.Doubles("origin_m", -100, 100, 3)),
+             u = ToVec(table.Doubles("u_m", -100, 100, 3)),
+             v = ToVec(table.Doubles("v_m", -100, 100, 3));
+  if (table.Has("v_m") && u.cross(v).norm() < 1e-9)
+    table.ErrorAt("v_m", "must not be parallel to u_m, nor either of them 0");
+  RETURN_IF_ERROR(document.Finish());
+  std::vector<EnvironmentMap> maps;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      const std::string file = (folder / absl::StrCat(row, "-", column, ".exr")).string();
+      ASSIGN_OR_RETURN(Image picture, ReadExr(file));
+      auto map = EnvironmentMap::FromImage(std::move(picture));
+      if (!map.ok()) return Annotate(map.status(), file);
+      if (!maps.empty() &&
+          (map->width() != maps.front().width() || map->height() != maps.front().height())) {
+        return Error(
+            absl::StatusCode::kInvalidArgument, "LIGHT_FIELD",
+            absl::StrCat(file, ": is ", map->width(), " x ", map->height(), " pixels, must be ",
+                         maps.front().width(), " x ", maps.front().height(), " like 0-0.exr"));
+      }
+      maps.push_back(*std::move(map));
+    }
+  }
+  IncidentLightField field(maps, columns, rows, origin, u, v);
+  if (field.IsBlack()) {
+    return Error(absl::StatusCode::kInvalidArgument, "ENVIRONMENT_BLACK",
+                 absl::StrCat(directory, ": all maps are black: no pixel is above 0"));
+  }
+  return field;
+}
+
+}  // namespace lightstage::sim
