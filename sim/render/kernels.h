@@ -1,5 +1,5 @@
-// The inner loops of the renderer: eight samples at a time through Embree's packets. The same source is compiled twice, for AVX2
-// and for the baseline; the machine decides at run time. This header and the kernels' sources hold no inline function of ours or of
+// The inner loops of the renderer: eight samples at a time through Embree's packets. The same source is compiled for AVX-512, for
+// AVX2 and for the baseline; the machine decides at run time. This header and the kernels' sources hold no inline function of ours or of
 // a library's, for the linker could keep its AVX2 copy for everybody.
 #pragma once
 
@@ -95,7 +95,12 @@ struct Kernels {
 };
 
 const Kernels& BaselineKernels();
-const Kernels& Avx2Kernels();  // only to be run where the processor has AVX2 and FMA
-const Kernels& BestKernels();  // for this machine
+const Kernels& Avx2Kernels();    // only to be run where the processor has AVX2 and FMA
+const Kernels& Avx512Kernels();  // likewise AVX-512 F, VL and DQ
+
+// Those that this machine can run, the best first.
+constexpr int kMostKernels = 3;
+int UsableKernels(const Kernels* usable[kMostKernels]);
+const Kernels& BestKernels();
 
 }  // namespace lightstage::sim

@@ -1,9 +1,13 @@
-// Processors without AVX2 to choose.
+// Processors where there is nothing to choose.
 #include "sim/render/kernels.h"
 
 namespace lightstage::sim {
 
-const Kernels& Avx2Kernels() { return BaselineKernels(); }
+int UsableKernels(const Kernels* usable[kMostKernels]) {
+  usable[0] = &BaselineKernels();
+  return 1;
+}
+
 const Kernels& BestKernels() { return BaselineKernels(); }
 
 }  // namespace lightstage::sim

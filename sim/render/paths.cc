@@ -243,12 +243,13 @@ class RowTracer {
   }
 
   void Intersect() {
-    hits_.resize((paths_.size() + kLanes - 1) / kLanes);
+    const size_t blocks = (paths_.size() + kLanes - 1) / kLanes;
+    if (hits_.size() < blocks) hits_.resize(blocks);
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     context.flags = paths_.front().depth == 0 ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT
                                               : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-    for (size_t block = 0; block < hits_.size(); ++block) {
+    for (size_t block = 0; block < blocks; ++block) {
       RTCRayHit8& ray = hits_[block];
       alignas(32) int valid[kLanes];
       for (size_t k = 0; k < kLanes; ++k) {
