@@ -37,7 +37,8 @@ std::vector<float> Shares(const Paths& paths, int y, RTCScene parts) {
   for (int x = 0; x < paths.width(); ++x) {
     int hidden = 0;
     for (int i = 0; i < kAcross * kAcross; ++i) {
-      const double px = x + (i % kAcross + 0.5) / kAcross, py = y + (i / kAcross + 0.5) / kAcross;
+      const int row = i / kAcross;
+      const double px = x + (i % kAcross + 0.5) / kAcross, py = y + (row + 0.5) / kAcross;
       const Vec3 direction = frame.forward + (px / paths.width() * 2 - 1) * tan_x * frame.right +
                              (py / paths.height() * 2 - 1) * tan_y * frame.down;
       RTCIntersectContext context;

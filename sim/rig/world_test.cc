@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "sim/rig/test_rig.h"
+
 namespace lightstage::sim {
 namespace {
 
@@ -12,15 +14,6 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr FilmSize kSize{32, 24};
-
-RigGeometry Rig() {
-  RigGeometry rig;
-  rig.brace = {Meters(1), Meters(0.02), {}};
-  for (double tilt : {20.0, 40.0, 60.0}) rig.brace.lamps.push_back({Degrees(0), Degrees(tilt)});
-  rig.projector = {true, Meters(1.5), Degrees(0), Degrees(20), 64, 48};
-  rig.camera = {Vec3(0, -1.1, 0.55), Vec3(0, 0, 0.07), Degrees(20)};
-  return rig;
-}
 
 class WorldTest : public testing::Test {
  protected:
