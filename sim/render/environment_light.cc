@@ -86,14 +86,14 @@ EnvironmentMap MeanOf(const std::vector<EnvironmentMap>& maps) {
 
 }  // namespace
 
-IncidentLightField::IncidentLightField(const std::vector<EnvironmentMap>& maps, int columns,
-                                       int rows, const Vec3& origin, const Vec3& u, const Vec3& v)
-    : maps_(maps),
+IncidentLightField::IncidentLightField(std::vector<EnvironmentMap> maps, int columns, int rows,
+                                       const Vec3& origin, const Vec3& u, const Vec3& v)
+    : maps_(std::move(maps)),
       columns_(columns),
       rows_(rows),
       origin_(origin),
       normal_(u.cross(v).normalized()),
-      mean_(MeanOf(maps), Angle()) {
+      mean_(MeanOf(maps_), Angle()) {
   // The dual of u and v in their plane.
   to_column_ = v.cross(normal_) / u.dot(v.cross(normal_));
   to_row_ = normal_.cross(u) / v.dot(normal_.cross(u));

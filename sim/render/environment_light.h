@@ -57,8 +57,8 @@ class IncidentLightField final : public SurroundingLight {
  public:
   // Map (column, row) stands at origin + u · column/(columns − 1) + v · row/(rows − 1); with one column or row there is no change along
   // it. `maps`: row by row, columns · rows of one size. u and v must not be parallel.
-  IncidentLightField(const std::vector<EnvironmentMap>& maps, int columns, int rows,
-                     const Vec3& origin, const Vec3& u, const Vec3& v);
+  IncidentLightField(std::vector<EnvironmentMap> maps, int columns, int rows, const Vec3& origin,
+                     const Vec3& u, const Vec3& v);
 
   bool IsBlack() const { return mean_.IsBlack(); }
 

@@ -6,12 +6,11 @@
 
 #include <algorithm>
 #include <array>
-#include <assimp/DefaultLogger.hpp>
 #include <assimp/IOStream.hpp>
 #include <assimp/IOSystem.hpp>
 #include <assimp/Importer.hpp>
-#include <assimp/LogStream.hpp>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <map>
 #include <utility>
@@ -21,8 +20,8 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
-#include "base/mutex.h"
 #include "base/status.h"
+#include "sim/scenes/in_child.h"
 
 namespace lightstage::sim {
 namespace {
@@ -31,40 +30,6 @@ absl::Status Wrong(const std::string& path, const std::string& why) {
   return Error(absl::StatusCode::kInvalidArgument, "MESH", absl::StrCat(path, ": ", why),
                {{"file", path}});
 }
-
-// The importers mend some files on their own and only write an error to the log. Here an error is an error.
-class ErrorLog final : public Assimp::LogStream {
- public:
-  explicit ErrorLog(std::string* first) : first_(first) {}
-  void write(const char* message) override {
-    if (first_->empty()) *first_ = std::string(absl::StripAsciiWhitespace(message));
-  }
-
- private:
-  std::string* const first_;
-};
-
-// The library's log is one for the process: held while one file is read.
-class LoggedImport {
- public:
-  LoggedImport() {
-    mutex_.Lock();
-    Assimp::DefaultLogger::create(nullptr, Assimp::Logger::NORMAL, 0);
-    Assimp::DefaultLogger::get()->attachStream(new ErrorLog(&error_),
-                                               Assimp::Logger::Err);  // which owns it
-  }
-  ~LoggedImport() {
-    Assimp::DefaultLogger::kill();
-    mutex_.Unlock();
-  }
-  LoggedImport(const LoggedImport&) = delete;
-  LoggedImport& operator=(const LoggedImport&) = delete;
-  const std::string& error() const { return error_; }
-
- private:
-  static inline Mutex mutex_;
-  std::string error_;
-};
 
 // What the importer may read: the file, whose bytes are here already, and for glTF its buffers beside it. Nothing else on the disk,
 // whatever the file names.
@@ -87,12 +52,10 @@ class FileAndBuffers final : public Assimp::IOSystem {
  private:
   const std::string* Get(const std::string& file) const {
     if (auto it = files_.find(file); it != files_.end()) return &it->second;
-    const std::filesystem::path directory = std::filesystem::path(path_).parent_path(),
-                                relative =
-                                    std::filesystem::path(file).lexically_relative(directory);
-    const std::string name = relative.string();
-    if (!buffers_ || name.empty() || name.starts_with("..") || name.find('/') != std::string::npos)
-      return nullptr;
+    const std::filesystem::path
+        directory = std::filesystem::path(path_).parent_path().lexically_normal(),
+        relative = std::filesystem::path(file).lexically_normal().lexically_relative(directory);
+    if (!buffers_ || relative.empty() || *relative.begin() == "..") return nullptr;
     auto bytes = env_.ReadFile((directory / relative).string());
     if (!bytes.ok()) return nullptr;
     return &(files_[file] = *std::move(bytes));
@@ -136,9 +99,14 @@ absl::Status CheckOff(const std::string& path, const std::string& bytes) {
     }
     if (elements >= vertices + faces) break;  // what else there is, is not read
     if (elements++ < vertices) continue;
+    constexpr uint64_t kMostCorners = 9;  // that the importer takes
     uint64_t corners = 0;
     if (!absl::SimpleAtoi(words[0], &corners) || corners < 1 || words.size() <= corners) {
       return wrong("must have a face: how many corners, then each of them");
+    }
+    if (corners > kMostCorners) {
+      return wrong(absl::StrCat("the face has ", corners, " corners; at most ", kMostCorners,
+                                " can be read from OFF"));
     }
     for (uint64_t k = 1; k <= corners; ++k) {
       uint64_t vertex = 0;
@@ -156,7 +124,7 @@ absl::Status CheckOff(const std::string& path, const std::string& bytes) {
 
 // The faces that a PLY header announces; no more elements than the file can hold.
 absl::StatusOr<uint64_t> CheckPly(const std::string& path, const std::string& bytes) {
-  const size_t end = bytes.find("end_header");
+  const size_t end = bytes.find("\nend_header");
   if (!bytes.starts_with("ply") || end == std::string::npos) {
     return Wrong(path, "is no PLY file: it must begin with 'ply' and have an 'end_header'");
   }
@@ -185,15 +153,6 @@ absl::StatusOr<uint64_t> CheckPly(const std::string& path, const std::string& by
     }
   }
   return faces;
-}
-
-absl::Status CheckNesting(const std::string& path, const std::string& json) {
-  int depth = 0;
-  for (char c : json) {
-    depth += (c == '[' || c == '{') ? 1 : (c == ']' || c == '}') ? -1 : 0;
-    if (depth > 200) return Wrong(path, "is nested more than 200 deep");
-  }
-  return absl::OkStatus();
 }
 
 // What the importer has made of it.
@@ -225,24 +184,9 @@ Vec3f ToVec(const aiVector3D& v, bool y_up) {
   return y_up ? Vec3f(v.x, -v.z, v.y) : Vec3f(v.x, v.y, v.z);
 }
 
-}  // namespace
-
-absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
-  const std::string extension =
-      absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
-  constexpr std::array kKnown = {".off", ".obj", ".ply", ".gltf", ".glb"};
-  if (std::find(kKnown.begin(), kKnown.end(), extension) == kKnown.end()) {
-    return Wrong(path, "must end with .off, .obj, .ply, .gltf or .glb");
-  }
-  // A regular file, for the importer would wait for a pipe.
-  ASSIGN_OR_RETURN(const std::string bytes, env.ReadFile(path));
-  uint64_t faces = 0;
-  if (extension == ".off") RETURN_IF_ERROR(CheckOff(path, bytes));
-  if (extension == ".gltf") RETURN_IF_ERROR(CheckNesting(path, bytes));
-  if (extension == ".ply") {
-    ASSIGN_OR_RETURN(faces, CheckPly(path, bytes));
-  }
-  const LoggedImport logged;
+// The importer's part, in the child.
+absl::StatusOr<Mesh> Import(const std::string& path, const std::string& extension,
+                            const std::string& bytes, uint64_t faces, Angle crease, Env& env) {
   Assimp::Importer importer;
   importer.SetIOHandler(
       new FileAndBuffers(path, bytes, extension.starts_with(".gl"), env));  // which it owns
@@ -255,19 +199,15 @@ absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
     RETURN_IF_ERROR(CheckImported(path, *scene));
     uint64_t read = 0;
     for (unsigned int m = 0; m < scene->mNumMeshes; ++m) read += scene->mMeshes[m]->mNumFaces;
-    if (extension == ".ply" && read != faces) {
+    if (faces > 0 && read != faces) {
       return Wrong(path, absl::StrCat("announces ", faces, " faces; ", read, " could be read"));
     }
     scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_PreTransformVertices |
                                          aiProcess_SortByPType | aiProcess_GenSmoothNormals |
                                          aiProcess_JoinIdenticalVertices);
   }
-  if (scene == nullptr) {
-    return Wrong(path,
-                 absl::StrCat("cannot be read: ",
-                              logged.error().empty() ? importer.GetErrorString() : logged.error()));
-  }
-  if (!logged.error().empty()) return Wrong(path, logged.error());
+  if (scene == nullptr)
+    return Wrong(path, absl::StrCat("cannot be read: ", importer.GetErrorString()));
   const bool y_up = extension == ".gltf" || extension == ".glb";
   Mesh mesh;
   mesh.name = path;
@@ -291,6 +231,72 @@ absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
     }
   }
   if (mesh.triangles.empty()) return Wrong(path, "has no triangles");
+  return mesh;
+}
+
+// A mesh as bytes, from the child to its parent: how many vertices, texture coordinates and triangles, then they.
+template <class T>
+void Put(const std::vector<T>& values, std::string* to) {
+  to->append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+}
+
+std::string Pack(const Mesh& mesh) {
+  std::string bytes;
+  Put(std::vector<uint64_t>{mesh.vertices.size(), mesh.uvs.size(), mesh.triangles.size()}, &bytes);
+  Put(mesh.vertices, &bytes);
+  Put(mesh.normals, &bytes);
+  Put(mesh.uvs, &bytes);
+  Put(mesh.triangles, &bytes);
+  return bytes;
+}
+
+template <class T>
+const char* Take(const char* from, size_t count, std::vector<T>* values) {
+  values->resize(count);
+  if (count > 0) std::memcpy(static_cast<void*>(values->data()), from, count * sizeof(T));
+  return from + count * sizeof(T);
+}
+
+Mesh Unpack(const std::string& bytes) {
+  Mesh mesh;
+  std::vector<uint64_t> counts;
+  const char* at = Take(bytes.data(), 3, &counts);
+  at = Take(at, counts[0], &mesh.vertices);
+  at = Take(at, counts[0], &mesh.normals);
+  at = Take(at, counts[1], &mesh.uvs);
+  Take(at, counts[2], &mesh.triangles);
+  return mesh;
+}
+
+}  // namespace
+
+absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
+  const std::string extension =
+      absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
+  constexpr std::array kKnown = {".off", ".obj", ".ply", ".gltf", ".glb"};
+  if (std::find(kKnown.begin(), kKnown.end(), extension) == kKnown.end()) {
+    return Wrong(path, "must end with .off, .obj, .ply, .gltf or .glb");
+  }
+  // A regular file, for the importer would wait for a pipe.
+  ASSIGN_OR_RETURN(const std::string bytes, env.ReadFile(path));
+  uint64_t faces = 0;
+  if (extension == ".off") RETURN_IF_ERROR(CheckOff(path, bytes));
+  if (extension == ".ply") {
+    ASSIGN_OR_RETURN(faces, CheckPly(path, bytes));
+  }
+  // In a process of its own: the importer crashes on some malformed files, and on others takes all memory or for ever.
+  auto packed = RunInChild([&]() -> absl::StatusOr<std::string> {
+    ASSIGN_OR_RETURN(const Mesh mesh, Import(path, extension, bytes, faces, crease, env));
+    return Pack(mesh);
+  });
+  if (!packed.ok()) {
+    const std::string why = MessageOf(packed.status());
+    return why.starts_with(path)
+               ? Error(absl::StatusCode::kInvalidArgument, "MESH", why, {{"file", path}})
+               : Wrong(path, why);
+  }
+  Mesh mesh = Unpack(*packed);
+  mesh.name = path;
   return mesh;
 }
 

@@ -154,9 +154,19 @@ absl::Status CheckFlags(const Flags& flags) {
         std::pair("--rotate", flags.rotate_deg)}) {
     if (!std::isfinite(value)) return Usage(absl::StrCat(name, " must be a number"));
   }
-  if (flags.png == flags.out) return Usage("--out and --png are the same file");
+  if (flags.rotate_deg != 0 && flags.environment.empty())
+    return Usage("--rotate turns the --environment; there is none");
+  if (flags.out.empty()) return Usage("--out is empty");
+  const std::filesystem::path out = std::filesystem::weakly_canonical(flags.out);
+  if (!flags.png.empty() && std::filesystem::weakly_canonical(flags.png) == out) {
+    return Usage("--out and --png are the same file");
+  }
+  if (!flags.environment.empty() && std::filesystem::weakly_canonical(flags.environment) == out) {
+    return Usage("--out would replace the --environment");
+  }
   // Before hours are spent.
   for (const std::string& file : {flags.out, flags.png}) {
+    if (std::filesystem::is_directory(file)) return Usage(absl::StrCat(file, " is a folder"));
     const std::filesystem::path folder = std::filesystem::path(file).parent_path();
     if (folder.empty() || std::filesystem::is_directory(folder)) continue;
     return Error(absl::StatusCode::kNotFound, "FOLDER",

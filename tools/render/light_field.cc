@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "base/env.h"
 #include "base/status.h"
 #include "base/toml.h"
@@ -22,7 +23,7 @@ Vec3 ToVec(const std::vector<double>& v) {
 absl::StatusOr<IncidentLightField> ReadLightField(const std::string& directory) {
   const std::filesystem::path folder(directory);
   const std::string index = (folder / "light_field.toml").string();
-  ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadInput(index));
+  ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadFile(index));
   ASSIGN_OR_RETURN(TomlDocument document, TomlDocument::Parse(text, index));
   const TomlTable& table = document.root();
   const int columns = static_cast<int>(table.Int("columns", 1, 64)),
@@ -47,10 +48,17 @@ absl::StatusOr<IncidentLightField> ReadLightField(const std::string& directory) 
             absl::StrCat(file, ": is ", map->width(), " x ", map->height(), " pixels, must be ",
                          maps.front().width(), " x ", maps.front().height(), " like 0-0.exr"));
       }
+      const double bytes = 12.0 * map->width() * map->height() * columns * rows;
+      if (constexpr double kMostBytes = 2e9; bytes > kMostBytes) {
+        return Error(
+            absl::StatusCode::kResourceExhausted, "MEMORY",
+            absl::StrFormat("%s: %d x %d maps like %s take %.1f GB, at most %.1f GB are used",
+                            directory, columns, rows, file, bytes / 1e9, kMostBytes / 1e9));
+      }
       maps.push_back(*std::move(map));
     }
   }
-  IncidentLightField field(maps, columns, rows, origin, u, v);
+  IncidentLightField field(std::move(maps), columns, rows, origin, u, v);
   if (field.IsBlack()) {
     return Error(absl::StatusCode::kInvalidArgument, "ENVIRONMENT_BLACK",
                  absl::StrCat(directory, ": all maps are black: no pixel is above 0"));

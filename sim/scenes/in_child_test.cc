@@ -1,0 +1,49 @@
+#include "sim/scenes/in_child.h"
+
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <vector>
+
+#include "base/status.h"
+
+namespace lightstage::sim {
+namespace {
+
+TEST(InChild, AnswersComeBackWhole) {
+  const std::string large(3 << 20, 'x');
+  auto answer =
+      RunInChild([&]() -> absl::StatusOr<std::string> { return large + std::string("\0!", 2); });
+  ASSERT_TRUE(answer.ok()) << answer.status();
+  EXPECT_EQ(*answer, large + std::string("\0!", 2));
+  EXPECT_EQ(*RunInChild([]() -> absl::StatusOr<std::string> { return std::string(); }), "");
+}
+
+TEST(InChild, ErrorsComeBackAsTheyWere) {
+  auto answer = RunInChild([]() -> absl::StatusOr<std::string> {
+    return Error(absl::StatusCode::kNotFound, "WHY", "line 3 is wrong");
+  });
+  EXPECT_EQ(MessageOf(answer.status()), "line 3 is wrong");
+}
+
+TEST(InChild, ACrashIsAnErrorHere) {
+  int here = 1;
+  auto answer = RunInChild([&]() -> absl::StatusOr<std::string> {
+    here = 2;
+    ::raise(SIGSEGV);
+    return std::string("not reached");
+  });
+  EXPECT_NE(answer.status().message().find("crashed on it"), std::string::npos) << answer.status();
+  EXPECT_EQ(here, 1) << "it works on a copy";
+}
+
+TEST(InChild, MemoryIsLimited) {
+  auto answer = RunInChild([]() -> absl::StatusOr<std::string> {
+    const std::vector<char> much(size_t{6} << 30, 1);
+    return std::string(1, much[size_t{5} << 30]);
+  });
+  EXPECT_FALSE(answer.ok());
+}
+
+}  // namespace
+}  // namespace lightstage::sim
