@@ -49,7 +49,7 @@ bool Seven(float x, float y) {
 
 Rgb Paint(const SurfacePoint& at) {
   const Vec3f p = CarPose().inverse() * at.position;
-  const Rgb white = Rgb::Constant(0.80f), black = Rgb::Constant(0.02f), red(0.50f, 0.012f, 0.015f);
+  Rgb white = Rgb::Constant(0.80f), black = Rgb::Constant(0.02f), red(0.50f, 0.012f, 0.015f);
   if (p.z() > 0.049f && p.z() < 0.075f && Cockpit(p) < 0.97f) return black;
   // A white ring around the mouth, and a number on the nose.
   if (p.x() > 0.1315f) return white;

@@ -154,7 +154,7 @@ Rgb Squares(const SurfacePoint& at) {
   p /= kSquare;
   const float edge = p.cwiseAbs().maxCoeff();
   const Rgb grain = Wood({.position = {p.y() * kSquare, 0.7f * p.x() * kSquare, 0}});
-  const Rgb dark = Rgb(0.42f, 0.30f, 0.24f) * grain;
+  Rgb dark = Rgb(0.42f, 0.30f, 0.24f) * grain;
   if (edge > 4.05f || at.position.z() < kTop - 0.001f) return dark;
   if (edge > 4) return Rgb::Constant(0.75f) * Rgb(0.8f, 0.62f, 0.4f);  // an inlaid line
   const int parity = static_cast<int>(std::floor(p.x())) + static_cast<int>(std::floor(p.y()));

@@ -33,7 +33,7 @@ float Scatter(const Vec2f& p, float cell, uint64_t seed) {
   float nearest = 1e9f;
   for (int y = j - 2; y <= j + 2; ++y) {
     for (int x = i - 2; x <= i + 2; ++x) {
-      const auto key = static_cast<uint64_t>((x + 512) * 1024 + y + 512);
+      const auto key = static_cast<uint64_t>(x + 512) * 1024 + static_cast<uint64_t>(y + 512);
       Vec2f site(static_cast<float>(x) + Random(seed, 2 * key),
                  static_cast<float>(y) + Random(seed, 2 * key + 1));
       nearest = std::min(nearest, (p - cell * site).squaredNorm());
