@@ -1,6 +1,5 @@
 #include "sim/render/illuminate.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -193,14 +192,11 @@ void ProjectorTransport::Add(const Image& raster, std::span<const float> scales,
   ForRows(sum->height(), [&](int y) {
     const float scale = scales[y];
     if (scale == 0) return;
-    // Where light comes from is scattered over the projector's image after a bounce: asked for ahead of its use.
-    constexpr size_t kAhead = 24;
     std::span<float> row = sum->row(y);
     for (int x = 0; x < width_; ++x) {
       const size_t pixel = static_cast<size_t>(y) * width_ + x;
       float r = 0, g = 0, b = 0;
       for (uint32_t s = first_[pixel]; s < first_[pixel + 1]; ++s) {
-        __builtin_prefetch(&values[source_[std::min(s + kAhead, source_.size() - 1)]]);
         const float value = values[source_[s]];
         if (value == 0) continue;
         r += value * rgb_[3 * size_t{s}];
