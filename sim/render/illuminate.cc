@@ -1,5 +1,6 @@
 #include "sim/render/illuminate.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -154,16 +155,25 @@ ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const Lens
     Row& row = rows[y];
     row.counts.resize(width);
     for (int x = 0; x < width; ++x) {
+      const size_t begin = row.source.size();
       for (size_t way = 0; way < ways; ++way) {
         for (uint32_t k = vertices.first[x]; k < vertices.first[x + 1]; ++k) {
           const size_t i = way * vertices.count + k;
           if (pixels[i] == kUnlit) continue;
-          ++row.counts[x];
-          row.source.push_back(pixels[i]);
-          row.rgb.insert(row.rgb.end(),
-                         {shares[x] * add.r[i], shares[x] * add.g[i], shares[x] * add.b[i]});
+          // Neighbouring samples are often lit by the same pixel of the projector.
+          const size_t at = std::find(row.source.begin() + static_cast<ptrdiff_t>(begin),
+                                      row.source.end(), pixels[i]) -
+                            row.source.begin();
+          if (at == row.source.size()) {
+            row.source.push_back(pixels[i]);
+            row.rgb.insert(row.rgb.end(), {0.0f, 0.0f, 0.0f});
+          }
+          row.rgb[3 * at] += shares[x] * add.r[i];
+          row.rgb[3 * at + 1] += shares[x] * add.g[i];
+          row.rgb[3 * at + 2] += shares[x] * add.b[i];
         }
       }
+      row.counts[x] = static_cast<uint32_t>(row.source.size() - begin);
     }
   });
 

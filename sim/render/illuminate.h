@@ -37,7 +37,7 @@ LensLight ProjectorLight(const ProjectorGeometry& projector, const LensOptions& 
 Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light,
                  RTCScene parts = nullptr);
 
-// The vertices that the projector reaches at one pose: which projector pixel lights each, and what it adds.
+// What the projector gives at one pose: for every camera pixel, which projector pixels light it, and what each adds.
 class ProjectorTransport {
  public:
   // sum += scale of the row · radiance of `raster`, what the projector's native pixels show (optics/pattern.h Rasterize). `scales`: one
@@ -52,9 +52,10 @@ class ProjectorTransport {
   friend ProjectorTransport Illuminate(const Scene& scene, const Paths& paths,
                                        const LensLight& light, RTCScene parts);
   int width_ = 0;
-  std::vector<uint32_t> first_;   // per camera pixel, and the end: its vertices
-  std::vector<uint32_t> source_;  // per vertex: the projector's pixel
-  std::vector<float> rgb_;  // per vertex: its share of the camera pixel's radiance, projector white
+  std::vector<uint32_t> first_;   // per camera pixel, and the end: its entries
+  std::vector<uint32_t> source_;  // per entry: the projector's pixel
+  std::vector<float>
+      rgb_;  // per entry: what it adds to the camera pixel's radiance when it is white
 };
 
 ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const LensLight& light,
