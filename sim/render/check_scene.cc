@@ -2,7 +2,6 @@
 
 #include <bit>
 #include <cmath>
-#include <string_view>
 
 #include "absl/container/flat_hash_map.h"
 #include "absl/strings/str_format.h"
@@ -60,21 +59,15 @@ absl::Status CheckClosed(const Mesh& mesh, const std::string& name) {
     for (int c = 0; c < 3; ++c) place[c] = std::bit_cast<uint32_t>(v[c] + 0.0f);  // −0 becomes 0
     at.push_back(places.try_emplace(place, static_cast<uint32_t>(places.size())).first->second);
   }
-  // Directed edges, how often, and the last triangle that had it.
-  absl::flat_hash_map<std::pair<uint32_t, uint32_t>, std::pair<int, size_t>> edges;
-  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
-    for (int k = 0; k < 3; ++k) {
-      auto& [count, triangle] =
-          edges[{at[mesh.triangles[t][k]], at[mesh.triangles[t][(k + 1) % 3]]}];
-      ++count;
-      triangle = t;
-    }
+  absl::flat_hash_map<std::pair<uint32_t, uint32_t>, int> edges;  // directed: how often
+  for (const auto& t : mesh.triangles) {
+    for (int k = 0; k < 3; ++k) ++edges[{at[t[k]], at[t[(k + 1) % 3]]}];
   }
   for (size_t t = 0; t < mesh.triangles.size(); ++t) {
     for (int k = 0; k < 3; ++k) {
       const uint32_t a = mesh.triangles[t][k], b = mesh.triangles[t][(k + 1) % 3];
       auto there = edges.find({at[b], at[a]});
-      if (there != edges.end() && there->second.first == edges[{at[a], at[b]}].first) continue;
+      if (there != edges.end() && there->second == edges[{at[a], at[b]}]) continue;
       return Wrong(
           name, absl::StrFormat("it is not closed, as glass and media must be: triangle %d has no "
                                 "neighbour at its edge from vertex %d to %d",

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
-#include <optional>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
@@ -253,24 +252,20 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
                               : absl::StrCat("there is no scene '", scene, "'; --help lists them");
   });
   app.add_option("--rig", flags.rig, "Rig file (TOML): geometry, camera, lights")->required();
+  const CLI::Validator not_empty(
+      [](const std::string& text) { return std::string(text.empty() ? "is empty" : ""); }, "");
   auto* light = app.add_option_group("light", "What shines; one of them");
   light->add_option("--lamp", flags.lamp, "This lamp at level 1")->check(CLI::NonNegativeNumber);
   light
       ->add_option("--pattern", flags.pattern,
                    "The projector, e.g. full or square,grid=16,column=3,row=8")
-      ->check([](const std::string& text) {
-        return text.empty() ? std::string("is empty") : std::string();
-      });
+      ->check(not_empty);
   light->add_option("--environment", flags.environment, "An environment map (OpenEXR)")
-      ->check([](const std::string& text) {
-        return text.empty() ? std::string("is empty") : std::string();
-      });
+      ->check(not_empty);
   light
       ->add_option("--incident-light-field", flags.light_field,
                    "A folder of environment maps on a grid (tools/render/light_field.h)")
-      ->check([](const std::string& text) {
-        return text.empty() ? std::string("is empty") : std::string();
-      });
+      ->check(not_empty);
   light->require_option(1);
   app.add_option("--azimuth", flags.azimuth_deg, "Turntable, degrees")
       ->check(CLI::Range(-360.0, 360.0));
