@@ -32,8 +32,8 @@ rlim_t OwnMemory() {
   return static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE));
 }
 
-[[noreturn]] void Child(int to, rlim_t memory,
-                        absl::FunctionRef<absl::StatusOr<std::string>()> work) {
+[[noreturn]] void Child(int to, absl::FunctionRef<absl::StatusOr<std::string>()> work) {
+  const rlim_t memory = OwnMemory() + kMostMemory;
   const rlimit space{memory, memory}, time{kMostTime, kMostTime}, none{0, 0};
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // it does not outlive its parent
   ::setrlimit(RLIMIT_AS, &space);
@@ -61,7 +61,6 @@ rlim_t OwnMemory() {
 absl::StatusOr<std::string> RunInChild(absl::FunctionRef<absl::StatusOr<std::string>()> work) {
   int ends[2];
   if (::pipe(ends) != 0) return ErrnoError(errno, "pipe", "to a child process");
-  const rlim_t memory = OwnMemory() + kMostMemory;
   const pid_t child = ::fork();
   if (child < 0) {
     const int why = errno;
@@ -71,7 +70,7 @@ absl::StatusOr<std::string> RunInChild(absl::FunctionRef<absl::StatusOr<std::str
   }
   if (child == 0) {
     ::close(ends[0]);
-    Child(ends[1], memory, work);
+    Child(ends[1], work);
   }
   ::close(ends[1]);
   std::string answer;
