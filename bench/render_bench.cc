@@ -59,7 +59,7 @@ class Rays {
   size_t count() const { return count_; }
 
   void Intersect(RTCScene scene, RTCIntersectContextFlags flags) const {
-    ForRows(static_cast<int>(rows_.size()), [&](int y) {
+    ForAll(static_cast<int>(rows_.size()), [&](int y) {
       RTCIntersectContext context;
       rtcInitIntersectContext(&context);
       context.flags = flags;
@@ -76,7 +76,7 @@ class Rays {
     });
   }
   void Occluded(RTCScene scene) const {
-    ForRows(static_cast<int>(rows_.size()), [&](int y) {
+    ForAll(static_cast<int>(rows_.size()), [&](int y) {
       ShadowContext context{};
       rtcInitIntersectContext(&context.embree);
       context.embree.flags = RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
@@ -121,9 +121,11 @@ AllRays Collect(const Paths& paths, const DiscLight& light) {
         rays.camera.Add(y, origin.data(), direction.data(), kInfinity);
       }
     }
-    const Paths::Row& row = paths.row(y);
-    const VertexArrays& v = row.arrays;
-    for (size_t i = 0; i < row.count; ++i) {
+  }
+  for (const Paths::Block& block : paths.blocks()) {
+    const VertexArrays& v = block.arrays;
+    const int y = block.y;
+    for (size_t i = 0; i < block.count; ++i) {
       const float at[3] = {v.x[i], v.y[i], v.z[i]}, next[3] = {v.wx[i], v.wy[i], v.wz[i]};
       if (v.reach[i] > 0) rays.between.Add(y, at, next, kInfinity);
       float to[3], square = 0, here = 0, there = 0;
@@ -186,7 +188,7 @@ void BenchPatterns(const RigGeometry& rig, int bounces) {
   std::vector<float> a(n, 1), b(n, 2), c(n, 3);
   constexpr int kParts = 64;
   const double triad = Best([&] {
-    ForRows(kParts, [&](int part) {
+    ForAll(kParts, [&](int part) {
       for (size_t i = n * part / kParts; i < n * (part + 1) / kParts; ++i)
         a[i] = b[i] + 1.5f * c[i];
     });

@@ -124,15 +124,15 @@ Radiance IncidentLightField::At(const Vec3& point, const Vec3& direction) const 
 Image Illuminate(const Scene& scene, const Paths& paths, const SurroundingLight& light) {
   Image image(paths.width(), paths.height(), 3);
   const float share = 1.0f / static_cast<float>(paths.samples());
-  ForRows(paths.height(), [&](int y) {
-    const Paths::Row& row = paths.row(y);
-    const VertexArrays& v = row.arrays;
+  ForAll(static_cast<int>(paths.blocks().size()), [&](int index) {
+    const Paths::Block& block = paths.blocks()[index];
+    const VertexArrays& v = block.arrays;
     // Per vertex: direction, radiance over density, density; then what comes of it.
     thread_local std::vector<float> buffer;
-    buffer.assign(10 * row.count, 0.0f);
+    buffer.assign(10 * block.count, 0.0f);
     float* a[10];
-    for (int k = 0; k < 10; ++k) a[k] = buffer.data() + k * row.count;
-    for (size_t i = 0; i < row.count; ++i) {
+    for (int k = 0; k < 10; ++k) a[k] = buffer.data() + k * block.count;
+    for (size_t i = 0; i < block.count; ++i) {
       if (v.nx[i] == 0 && v.ny[i] == 0 && v.nz[i] == 0 && v.medium[i] == 0) continue;
       // The vertex' point of the disc (paths.h), as the point of the square that it comes from.
       const double turn = std::atan2(v.disc_y[i], v.disc_x[i]) / (2 * std::numbers::pi);
@@ -148,11 +148,11 @@ Image Illuminate(const Scene& scene, const Paths& paths, const SurroundingLight&
       a[6][i] = static_cast<float>(s.pdf);
     }
     const FarLight far{a[0], a[1], a[2], a[3], a[4], a[5], a[6]};
-    BestKernels().far({scene.handle(), nullptr}, v, far, row.count, a[7], a[8], a[9]);
-    std::span<float> out = image.row(y);
-    for (int x = 0; x < paths.width(); ++x) {
+    BestKernels().far({scene.handle(), nullptr}, v, far, block.count, a[7], a[8], a[9]);
+    float* const out = &image.row(block.y)[3 * size_t{block.x}];
+    for (int x = 0; x < block.width; ++x) {
       Radiance sum = Radiance::Zero();
-      for (uint32_t i = row.first[x]; i < row.first[x + 1]; ++i) {
+      for (uint32_t i = block.first[x]; i < block.first[x + 1]; ++i) {
         sum += Radiance(a[7][i], a[8][i], a[9][i]);
         if (v.pdf[i] <= 0 || std::isfinite(v.reach[i])) continue;
         // The next ray leaves the scene.

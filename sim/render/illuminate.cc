@@ -24,21 +24,22 @@ void CopyTurned(const Vec3& a, const Vec3& b, double turn, double radius, float*
 
 double Turn(uint64_t hash) { return 2 * std::numbers::pi * UnitFloat(hash); }
 
-// What the vertices of pixel x add up to is to be multiplied by shares[x]: one over the samples, less what the rig's parts hide of
-// the pixel.
-std::vector<float> Shares(const Paths& paths, int y, RTCScene parts) {
+// What the vertices of the block's pixel x add up to is to be multiplied by shares[x]: one over the samples, less what the rig's parts
+// hide of the pixel.
+std::vector<float> Shares(const Paths& paths, const Paths::Block& block, RTCScene parts) {
   const float share = 1.0f / static_cast<float>(paths.samples());
-  std::vector<float> shares(paths.width(), share);
+  std::vector<float> shares(block.width, share);
   if (parts == nullptr) return shares;
   constexpr int kAcross = 4;  // 16 rays per pixel
   const ViewFrame frame = CameraFrame(paths.camera());
   const double tan_x = std::tan(paths.camera().field_of_view.radians() / 2);
   const double tan_y = tan_x * paths.height() / paths.width();
-  for (int x = 0; x < paths.width(); ++x) {
+  for (int x = 0; x < block.width; ++x) {
     int hidden = 0;
     for (int i = 0; i < kAcross * kAcross; ++i) {
       const int row = i / kAcross;
-      const double px = x + (i % kAcross + 0.5) / kAcross, py = y + (row + 0.5) / kAcross;
+      const double px = block.x + x + (i % kAcross + 0.5) / kAcross,
+                   py = block.y + (row + 0.5) / kAcross;
       const Vec3 direction = frame.forward + (px / paths.width() * 2 - 1) * tan_x * frame.right +
                              (py / paths.height() * 2 - 1) * tan_y * frame.down;
       RTCIntersectContext context;
@@ -61,7 +62,7 @@ std::vector<float> Shares(const Paths& paths, int y, RTCScene parts) {
   return shares;
 }
 
-// What a kernel writes per vertex of a row; reused from row to row.
+// What a kernel writes per vertex of a block; reused from block to block.
 struct Contributions {
   explicit Contributions(size_t count) {
     thread_local std::vector<float> buffer;
@@ -114,21 +115,21 @@ LensLight ProjectorLight(const ProjectorGeometry& projector, const LensOptions& 
 
 Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light, RTCScene parts) {
   Image image(paths.width(), paths.height(), 3);
-  ForRows(paths.height(), [&](int y) {
-    const Paths::Row& vertices = paths.row(y);
+  ForAll(static_cast<int>(paths.blocks().size()), [&](int block) {
+    const Paths::Block& vertices = paths.blocks()[block];
     const Contributions add(vertices.count);
     BestKernels().disc({scene.handle(), parts}, vertices.arrays, light, vertices.count, add.r,
                        add.g, add.b);
-    const std::vector<float> shares = Shares(paths, y, parts);
-    std::span<float> row = image.row(y);
-    for (int x = 0; x < paths.width(); ++x) {
+    const std::vector<float> shares = Shares(paths, vertices, parts);
+    float* const out = &image.row(vertices.y)[3 * size_t{vertices.x}];
+    for (int x = 0; x < vertices.width; ++x) {
       float sum[3] = {0, 0, 0};
       for (uint32_t i = vertices.first[x]; i < vertices.first[x + 1]; ++i) {
         sum[0] += add.r[i];
         sum[1] += add.g[i];
         sum[2] += add.b[i];
       }
-      for (int c = 0; c < 3; ++c) row[3 * x + c] = shares[x] * sum[c];
+      for (int c = 0; c < 3; ++c) out[3 * x + c] = shares[x] * sum[c];
     }
   });
   return image;
@@ -137,13 +138,13 @@ Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light,
 ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const LensLight& light,
                               RTCScene parts) {
   const int width = paths.width(), height = paths.height();
-  struct Row {
+  struct Entries {
     std::vector<uint32_t> counts, source;
     std::vector<float> rgb;
   };
-  std::vector<Row> rows(height);
-  ForRows(height, [&](int y) {
-    const Paths::Row& vertices = paths.row(y);
+  std::vector<Entries> blocks(paths.blocks().size());
+  ForAll(static_cast<int>(blocks.size()), [&](int block) {
+    const Paths::Block& vertices = paths.blocks()[block];
     // Light comes to a vertex by connection and, from a lens, along its next ray.
     const size_t ways = light.radius > 0 ? 2 : 1;
     const Contributions add(ways * vertices.count);
@@ -151,47 +152,47 @@ ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const Lens
     pixels.resize(ways * vertices.count);
     BestKernels().lens({scene.handle(), parts}, vertices.arrays, light, vertices.count,
                        pixels.data(), add.r, add.g, add.b);
-    const std::vector<float> shares = Shares(paths, y, parts);
-    Row& row = rows[y];
-    row.counts.resize(width);
-    for (int x = 0; x < width; ++x) {
-      const size_t begin = row.source.size();
+    const std::vector<float> shares = Shares(paths, vertices, parts);
+    Entries& to = blocks[block];
+    to.counts.resize(vertices.width);
+    for (int x = 0; x < vertices.width; ++x) {
+      const size_t begin = to.source.size();
       for (size_t way = 0; way < ways; ++way) {
         for (uint32_t k = vertices.first[x]; k < vertices.first[x + 1]; ++k) {
           const size_t i = way * vertices.count + k;
           if (pixels[i] == kUnlit) continue;
           // Neighbouring samples are often lit by the same pixel of the projector.
-          const size_t at = std::find(row.source.begin() + static_cast<ptrdiff_t>(begin),
-                                      row.source.end(), pixels[i]) -
-                            row.source.begin();
-          if (at == row.source.size()) {
-            row.source.push_back(pixels[i]);
-            row.rgb.insert(row.rgb.end(), {0.0f, 0.0f, 0.0f});
+          const size_t at = std::find(to.source.begin() + static_cast<ptrdiff_t>(begin),
+                                      to.source.end(), pixels[i]) -
+                            to.source.begin();
+          if (at == to.source.size()) {
+            to.source.push_back(pixels[i]);
+            to.rgb.insert(to.rgb.end(), {0.0f, 0.0f, 0.0f});
           }
-          row.rgb[3 * at] += shares[x] * add.r[i];
-          row.rgb[3 * at + 1] += shares[x] * add.g[i];
-          row.rgb[3 * at + 2] += shares[x] * add.b[i];
+          to.rgb[3 * at] += shares[x] * add.r[i];
+          to.rgb[3 * at + 1] += shares[x] * add.g[i];
+          to.rgb[3 * at + 2] += shares[x] * add.b[i];
         }
       }
-      row.counts[x] = static_cast<uint32_t>(row.source.size() - begin);
+      to.counts[x] = static_cast<uint32_t>(to.source.size() - begin);
     }
   });
 
   ProjectorTransport out;
   out.width_ = width;
   size_t total = 0;
-  for (const Row& row : rows) total += row.source.size();
+  for (const Entries& block : blocks) total += block.source.size();
   out.first_.reserve(static_cast<size_t>(width) * height + 1);
   out.source_.reserve(total);
   out.rgb_.reserve(3 * total);
   uint32_t at = 0;
-  for (const Row& row : rows) {
-    for (uint32_t count : row.counts) {
+  for (const Entries& block : blocks) {
+    for (uint32_t count : block.counts) {
       out.first_.push_back(at);
       at += count;
     }
-    out.source_.insert(out.source_.end(), row.source.begin(), row.source.end());
-    out.rgb_.insert(out.rgb_.end(), row.rgb.begin(), row.rgb.end());
+    out.source_.insert(out.source_.end(), block.source.begin(), block.source.end());
+    out.rgb_.insert(out.rgb_.end(), block.rgb.begin(), block.rgb.end());
   }
   out.first_.push_back(at);
   return out;
@@ -199,7 +200,7 @@ ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const Lens
 
 void ProjectorTransport::Add(const Image& raster, std::span<const float> scales, Image* sum) const {
   const std::span<const float> values = raster.pixels();
-  ForRows(sum->height(), [&](int y) {
+  ForAll(sum->height(), [&](int y) {
     const float scale = scales[y];
     if (scale == 0) return;
     std::span<float> row = sum->row(y);

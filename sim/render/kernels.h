@@ -24,7 +24,7 @@ struct Blockers {
   RTCScene parts;  // of the rig, where they are at this pose (rig_parts.h); null if there are none
 };
 
-// Vertices of camera paths (paths.h), arrays of a multiple of kLanes floats, 32-byte aligned.
+// Vertices of camera paths (paths.h), arrays of a multiple of kLanes floats, 32-byte aligned. Arrays may be one and the same.
 struct VertexArrays {
   const float *x, *y, *z;  // just above the surface, where rays start
   // Unit shading normal on the viewer's side; 0 in a medium, and where no light can be connected.

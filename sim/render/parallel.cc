@@ -20,8 +20,8 @@ class Pool {
     return pool;
   }
 
-  void Run(int rows, absl::FunctionRef<void(int)> body) {
-    Job job{rows, body};
+  void Run(int count, absl::FunctionRef<void(int)> body) {
+    Job job{count, body};
     {
       MutexLock lock(&mutex_);
       jobs_.push_back(&job);
@@ -41,7 +41,7 @@ class Pool {
 
  private:
   struct Job {
-    int rows;
+    int count;
     absl::FunctionRef<void(int)> body;
     std::atomic<int> next{0};
     int helpers = 0;  // under mutex_
@@ -53,7 +53,7 @@ class Pool {
   }
 
   static void Work(Job& job) {
-    for (int y; (y = job.next.fetch_add(1, std::memory_order_relaxed)) < job.rows;) job.body(y);
+    for (int i; (i = job.next.fetch_add(1, std::memory_order_relaxed)) < job.count;) job.body(i);
   }
 
   void Help(int index) {
@@ -68,7 +68,7 @@ class Pool {
       mutex_.Unlock();
       Work(job);
       mutex_.Lock();
-      // No rows are left to begin.
+      // None are left to begin.
       jobs_.remove(&job);
       if (--job.helpers == 0) done_.SignalAll();
     }
@@ -82,7 +82,7 @@ class Pool {
 
 }  // namespace
 
-void ForRows(int rows, absl::FunctionRef<void(int)> body) { Pool::Get().Run(rows, body); }
+void ForAll(int count, absl::FunctionRef<void(int)> body) { Pool::Get().Run(count, body); }
 
 ThreadLimit::ThreadLimit(int threads) { Pool::Get().SetLimit(threads); }
 ThreadLimit::~ThreadLimit() { Pool::Get().SetLimit(INT_MAX); }

@@ -1,10 +1,10 @@
 #include "sim/render/paths.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <new>
 #include <numbers>
 #include <optional>
 
@@ -20,7 +20,6 @@ namespace {
 constexpr float kLift = 2e-5f;
 // A boundary of a medium is passed by so much. To meet it once more would do no harm: it is entered or left as before.
 constexpr float kBeyond = 1e-6f;
-constexpr size_t kAlignment = 64;  // bytes, a cache line
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // Glossier layers take what their next ray meets; on rougher ones connecting the light is good enough, and saves that ray.
 constexpr float kGlossy = 0.25f;
@@ -29,28 +28,37 @@ constexpr int kRouletteFrom = 3;
 // No path passes through more boundaries of media between two vertices.
 constexpr uint32_t kMostCrossings = 1000;
 
-float Fraction(float x) { return x - std::floor(x); }
-
 struct Point2 {
   float x, y;
 };
 
-// The points of one pixel in one pair of dimensions: the R2 sequence (Roberts 2018), shifted and in an order of its own, so that no two
-// pairs of dimensions go together.
-class PixelPoints {
+// The points of all pixels in all pairs of dimensions: the R2 sequence (Roberts 2018), shifted and in one of many orders, so that no
+// two pairs of dimensions go together.
+class Points {
  public:
-  PixelPoints(uint64_t pixel, uint32_t samples) : pixel_(pixel), samples_(samples) {}
+  explicit Points(int samples) : samples_(static_cast<uint32_t>(samples)) {
+    orders_.reserve(kOrders * size_t{samples_});
+    for (uint64_t order = 0; order < kOrders; ++order) {
+      for (uint32_t i = 0; i < samples_; ++i) {
+        orders_.push_back(static_cast<uint16_t>(Permute(i, samples_, Mix(order))));
+      }
+    }
+  }
 
-  Point2 At(uint32_t dimension, uint32_t sample) const {
-    const uint64_t key = Mix(pixel_ + dimension * 0x9e3779b97f4a7c15u), shift = Mix(key);
-    const auto i = static_cast<float>(Permute(sample, samples_, key));
-    return {Fraction(UnitFloat(shift) + 0.7548777f * i),
-            Fraction(UnitFloat(shift << 24) + 0.5698403f * i)};
+  Point2 At(uint64_t pixel, uint32_t dimension, uint32_t sample) const {
+    const uint64_t hash = Mix(pixel + dimension * 0x9e3779b97f4a7c15u);
+    const uint32_t i = orders_[(hash % kOrders) * samples_ + sample];
+    // In units of 2⁻³², where what goes beyond 1 falls away.
+    return {Unit(static_cast<uint32_t>(hash >> 32) + i * 3242174889u),
+            Unit(static_cast<uint32_t>(hash) + i * 2447445414u)};
   }
 
  private:
-  const uint64_t pixel_;
+  static constexpr uint64_t kOrders = 64;
+  static float Unit(uint32_t x) { return static_cast<float>(x >> 8) * 0x1p-24f; }
+
   const uint32_t samples_;
+  std::vector<uint16_t> orders_;
 };
 
 // The dimensions of a path: the pixel's, then these for every vertex.
@@ -158,52 +166,69 @@ struct Vertex {
 };
 static_assert(sizeof(Vertex) == kVertexFloats * sizeof(float));
 
+constexpr uint32_t kNone = 0xffffffffu;
+
 // A path that goes on: its ray.
 struct Path {
   Vec3f origin, direction;
   Rgb throughput;
-  uint32_t x, sample;
-  int depth;        // of the vertex that the ray goes to
-  bool last;        // only to learn how far the ray goes
-  uint32_t vertex;  // that the ray comes from; kNone: the camera, and nothing is kept of it
+  uint64_t key = 0;  // of its pixel, for its points
+  uint32_t x = 0, sample = 0;
+  int depth = 0;            // of the vertex that the ray goes to
+  bool last = false;        // only to learn how far the ray goes
+  uint32_t vertex = kNone;  // that the ray comes from; kNone: the camera, and nothing is kept of it
   const Material* medium = nullptr;  // that it goes through
-  float narrowed =
-      1;  // part of the throughput that glass takes on entering and gives back on leaving
+  // Part of the throughput that glass takes on entering and gives back on leaving.
+  float narrowed = 1;
   float travelled = 0;     // from the vertex to the ray's origin: boundaries of media were passed
   uint32_t crossings = 0;  // how many …
   float near = 0;          // … and then the ray must not meet the last one again
 };
-constexpr uint32_t kNone = 0xffffffffu;
 
-// What tracing a row needs, kept from row to row: its memory is touched already.
-struct RowScratch {
-  std::vector<uint64_t> pixel_keys;
+// The camera's film: where the rays of its pixels go.
+struct Film {
+  Film(const CameraGeometry& camera, int columns, int rows) : width(columns) {
+    const ViewFrame frame = CameraFrame(camera);
+    const double step = 2 * std::tan(camera.field_of_view.radians() / 2) / columns;
+    origin = frame.position.cast<float>();
+    corner = (frame.forward - step / 2 * (columns * frame.right + rows * frame.down)).cast<float>();
+    right = (step * frame.right).cast<float>();
+    down = (step * frame.down).cast<float>();
+  }
+  // Unit; x and y in pixels.
+  Vec3f Direction(float x, float y) const { return (corner + x * right + y * down).normalized(); }
+
+  int width;
+  Vec3f origin, corner, right, down;
+};
+
+// What tracing a block needs, kept from block to block: its memory is touched already.
+struct Scratch {
   std::vector<Path> paths, going;
   std::vector<RTCRayHit8> hits;
   std::vector<Vertex> vertices;
   std::vector<uint32_t> pixels;
 };
 
-class RowTracer {
+// About so many paths are a block.
+constexpr int kBlock = 256;
+
+class Tracer {
  public:
-  RowTracer(const Scene& scene, const CameraGeometry& camera, int width, int height, int y,
-            const PathOptions& options, RowScratch* scratch)
+  Tracer(const Scene& scene, const Film& film, const Points& points, const PathOptions& options,
+         Scratch* scratch)
       : scene_(scene),
+        film_(film),
+        points_(points),
         options_(options),
-        frame_(CameraFrame(camera)),
-        tan_x_(std::tan(camera.field_of_view.radians() / 2)),
-        width_(width),
-        height_(height),
-        y_(y),
-        pixel_keys_(scratch->pixel_keys),
         paths_(scratch->paths),
         going_(scratch->going),
         hits_(scratch->hits),
         vertices_(scratch->vertices),
         pixels_(scratch->pixels) {}
 
-  void Trace() {
-    Begin();
+  void Trace(const Paths::Block& block) {
+    Begin(block);
     while (!paths_.empty()) {
       Intersect();
       going_.clear();
@@ -216,28 +241,23 @@ class RowTracer {
   const std::vector<uint32_t>& pixels() const { return pixels_; }
 
  private:
-  PixelPoints PointsOf(uint32_t x) const {
-    return PixelPoints(pixel_keys_[x], static_cast<uint32_t>(options_.samples));
+  Point2 PointOf(const Path& path, uint32_t dimension) const {
+    return points_.At(path.key, dimension, path.sample);
   }
 
-  void Begin() {
-    const double tan_y = tan_x_ * height_ / width_;
-    const Vec3f origin = frame_.position.cast<float>();
-    pixel_keys_.clear();
+  void Begin(const Paths::Block& block) {
     paths_.clear();
     vertices_.clear();
     pixels_.clear();
-    for (int x = 0; x < width_; ++x) {
-      pixel_keys_.push_back(
-          Fold(Fold(options_.seed, uint64_t{0x66696c6d}), static_cast<uint64_t>(y_) * width_ + x));
-      const PixelPoints points = PointsOf(static_cast<uint32_t>(x));
-      for (int s = 0; s < options_.samples; ++s) {
-        const Point2 p = points.At(kPixelDimension, static_cast<uint32_t>(s));
-        const Vec3 direction = frame_.forward +
-                               ((x + p.x) / width_ * 2 - 1) * tan_x_ * frame_.right +
-                               ((y_ + p.y) / height_ * 2 - 1) * tan_y * frame_.down;
-        paths_.push_back({origin, direction.normalized().cast<float>(), Rgb::Ones(),
-                          static_cast<uint32_t>(x), static_cast<uint32_t>(s), 0, false, kNone});
+    for (int x = block.x; x < block.x + block.width; ++x) {
+      Path path{.origin = film_.origin, .throughput = Rgb::Ones(), .x = static_cast<uint32_t>(x)};
+      path.key = Fold(Fold(options_.seed, uint64_t{0x66696c6d}),
+                      static_cast<uint64_t>(block.y) * film_.width + x);
+      for (; path.sample < static_cast<uint32_t>(options_.samples); ++path.sample) {
+        const Point2 p = PointOf(path, kPixelDimension);
+        path.direction =
+            film_.Direction(static_cast<float>(x) + p.x, static_cast<float>(block.y) + p.y);
+        paths_.push_back(path);
       }
     }
   }
@@ -292,10 +312,7 @@ class RowTracer {
     const bool within =
         path.medium != nullptr && hit && !(hit->material == path.medium && hit->outside);
     if (within) {
-      const float u =
-          PointsOf(path.x)
-              .At(Dimension(path.depth, kDistance) + (path.crossings << 16), path.sample)
-              .x;
+      const float u = PointOf(path, Dimension(path.depth, kDistance) + (path.crossings << 16)).x;
       const float free = -std::log(1 - u) / path.medium->extinction;
       scattered = free < length;
       length = std::min(free, length);
@@ -339,7 +356,6 @@ class RowTracer {
   }
 
   void ScatterInMedium(const Path& path, const Vec3f& point) {
-    const PixelPoints points = PointsOf(path.x);
     Vertex v;
     v.position = point;
     v.medium = 1;
@@ -348,11 +364,11 @@ class RowTracer {
     v.diffuse = path.medium->diffuse;
     if (path.medium->texture) v.diffuse *= path.medium->texture({.position = point});
     v.roughness = path.medium->anisotropy;
-    const Point2 disc = InDisc(points.At(Dimension(path.depth, kDisc), path.sample));
+    const Point2 disc = InDisc(PointOf(path, Dimension(path.depth, kDisc)));
     v.disc_x = disc.x;
     v.disc_y = disc.y;
     if (path.depth < options_.bounces) {
-      const Point2 u = points.At(Dimension(path.depth, kDirection), path.sample);
+      const Point2 u = PointOf(path, Dimension(path.depth, kDirection));
       const float cosine = ScatteringCosine(v.roughness, u.x);
       const Point2 around = OnCircle(u.y);
       const float sine = std::sqrt(std::max(0.0f, 1 - cosine * cosine));
@@ -360,7 +376,7 @@ class RowTracer {
           Frame3(path.direction).ToWorld({sine * around.x, sine * around.y, cosine}).normalized();
       v.behind = v.throughput * v.diffuse;
     }
-    GoOn(path, Keep(v, path.x), points);
+    GoOn(path, Keep(v, path.x));
   }
 
   // True if no light can be met on this way from the camera: lights shine inwards, so only a ray on its way out meets one, and such
@@ -388,7 +404,6 @@ class RowTracer {
 
   void Scatter(const Path& path, const Scene::Hit& hit) {
     const Material& material = *hit.material;
-    const PixelPoints points = PointsOf(path.x);
     const int depth = path.depth;
     Vertex v;
     v.position = hit.point + kLift * hit.face;
@@ -407,7 +422,7 @@ class RowTracer {
       v.share = base > 0 ? std::clamp(layer / (layer + base), 0.1f, 1.0f) : 1;
       v.mis = v.roughness < kGlossy ? 1.0f : 0.0f;
     }
-    const Point2 disc = InDisc(points.At(Dimension(depth, kDisc), path.sample));
+    const Point2 disc = InDisc(PointOf(path, Dimension(depth, kDisc)));
     v.disc_x = disc.x;
     v.disc_y = disc.y;
 
@@ -416,9 +431,9 @@ class RowTracer {
       Keep(v, path.x);
       return;
     }
-    const Point2 u = points.At(Dimension(depth, kDirection), path.sample);
+    const Point2 u = PointOf(path, Dimension(depth, kDirection));
     const Frame3 frame(v.normal);
-    if (points.At(Dimension(depth, kChoice), path.sample).x < v.share) {
+    if (PointOf(path, Dimension(depth, kChoice)).x < v.share) {
       const Vec3f half = frame.ToWorld(VisibleNormal(frame.ToLocal(v.view), v.roughness, u));
       v.next = 2 * half.dot(v.view) * half - v.view;
     } else {
@@ -436,7 +451,7 @@ class RowTracer {
       v.behind = v.throughput * Rgb(f.r, f.g, f.b) / f.pdf;
       v.pdf = v.mis * f.pdf;
     }
-    GoOn(path, Keep(v, path.x), points);
+    GoOn(path, Keep(v, path.x));
   }
 
   void Mirror(const Path& path, const Scene::Hit& hit) {
@@ -446,11 +461,10 @@ class RowTracer {
     const uint32_t vertex = Keep(Origin(hit.point + kLift * hit.face, direction.normalized(),
                                         path.throughput * hit.specular),
                                  path.x);
-    GoOn(path, vertex, PointsOf(path.x));
+    GoOn(path, vertex);
   }
 
   void Glass(const Path& path, const Scene::Hit& hit) {
-    const PixelPoints points = PointsOf(path.x);
     const Vec3f& d = path.direction;
     const float n1 = hit.outside ? 1 : hit.material->ior, n2 = hit.outside ? hit.material->ior : 1;
     const float cosine = std::min(-d.dot(hit.normal), 1.0f);
@@ -460,7 +474,7 @@ class RowTracer {
     Vec3f direction, position = hit.point;
     Rgb throughput = path.throughput;
     float narrowing = 1;
-    if (points.At(Dimension(path.depth, kChoice), path.sample).x < reflectance) {
+    if (PointOf(path, Dimension(path.depth, kChoice)).x < reflectance) {
       direction = d + 2 * cosine * hit.normal;
       position += kLift * hit.face;
     } else {
@@ -470,12 +484,11 @@ class RowTracer {
       narrowing = ratio * ratio;  // radiance is narrowed on its way into the denser side
       throughput *= narrowing * hit.tint;
     }
-    GoOn(path, Keep(Origin(position, direction.normalized(), throughput), path.x), points,
-         narrowing);
+    GoOn(path, Keep(Origin(position, direction.normalized(), throughput), path.x), narrowing);
   }
 
   // Sends the path along the next ray of `vertex`, if it is to have one.
-  void GoOn(const Path& path, uint32_t vertex, const PixelPoints& points, float narrowing = 1) {
+  void GoOn(const Path& path, uint32_t vertex, float narrowing = 1) {
     const Vertex& v = vertices_[vertex];
     Rgb throughput = v.behind;
     if (!(throughput > 0).any()) return;
@@ -483,31 +496,85 @@ class RowTracer {
     if (!last && path.depth >= kRouletteFrom) {
       const float survival =
           std::clamp(throughput.maxCoeff() / (path.narrowed * narrowing), 0.05f, 1.0f);
-      if (points.At(Dimension(path.depth, kRoulette), path.sample).x >= survival) last = true;
+      if (PointOf(path, Dimension(path.depth, kRoulette)).x >= survival) last = true;
       throughput /= survival;
     }
     if (last && v.pdf == 0) return;
-    going_.push_back({v.position, v.next, throughput, path.x, path.sample, path.depth + 1, last,
-                      vertex, path.medium, path.narrowed * narrowing});
+    going_.push_back({.origin = v.position,
+                      .direction = v.next,
+                      .throughput = throughput,
+                      .key = path.key,
+                      .x = path.x,
+                      .sample = path.sample,
+                      .depth = path.depth + 1,
+                      .last = last,
+                      .vertex = vertex,
+                      .medium = path.medium,
+                      .narrowed = path.narrowed * narrowing});
   }
 
   const Scene& scene_;
+  const Film& film_;
+  const Points& points_;
   const PathOptions& options_;
-  const ViewFrame frame_;
-  const double tan_x_;
-  const int width_, height_, y_;
-  std::vector<uint64_t>& pixel_keys_;
   std::vector<Path>&paths_, &going_;
   std::vector<RTCRayHit8>& hits_;
   std::vector<Vertex>& vertices_;
   std::vector<uint32_t>& pixels_;
 };
 
-}  // namespace
+// Arrays that are 0 or 1 throughout are not stored: of these there is one for all, as long as most blocks.
+constexpr size_t kMostShared = 4096;
+struct alignas(Slabs::kAlignment) Constant {
+  explicit Constant(float value) { std::fill_n(v, kMostShared, value); }
+  float v[kMostShared];
+};
+const Constant kZeros(0), kOnes(1);
 
-void Paths::Row::Free::operator()(float* p) const {
-  ::operator delete[](p, std::align_val_t{kAlignment});
+// Puts the vertices in order of their pixels and into arrays.
+void Fill(const std::vector<uint32_t>& pixels, const std::vector<Vertex>& vertices, Slabs* slabs,
+          Paths::Block* block) {
+  std::vector<uint32_t>& first = block->first;
+  first.assign(static_cast<size_t>(block->width) + 1, 0);
+  for (uint32_t x : pixels) ++first[x - block->x + 1];
+  for (int x = 0; x < block->width; ++x) first[x + 1] += first[x];
+  const size_t count = (pixels.size() + kLanes - 1) / kLanes * kLanes;
+  block->count = count;
+  if (count == 0) return;
+
+  const auto* const values = reinterpret_cast<const float*>(vertices.data());
+  std::array<bool, kVertexFloats> varies;
+  varies.fill(count > kMostShared);
+  for (size_t i = 1; i < vertices.size(); ++i) {
+    for (int k = 0; k < kVertexFloats; ++k) varies[k] |= values[i * kVertexFloats + k] != values[k];
+  }
+  std::array<int, kVertexFloats> stored;
+  size_t arrays = 0;
+  for (int k = 0; k < kVertexFloats; ++k) {
+    if (varies[k] || (values[k] != 0 && values[k] != 1)) stored[arrays++] = k;
+  }
+  // A cache line more apart than they are long: at multiples of a page all arrays would share a few places in the cache.
+  const size_t apart = count + Slabs::kAlignment / sizeof(float);
+  float* const data = slabs->Take(apart * arrays);
+  std::vector<uint32_t> next(first.begin(), first.end() - 1);
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    const uint32_t to = next[pixels[i] - block->x]++;
+    for (size_t a = 0; a < arrays; ++a)
+      data[a * apart + to] = values[i * kVertexFloats + stored[a]];
+  }
+
+  const float* pointers[kVertexFloats];
+  for (int k = 0; k < kVertexFloats; ++k) pointers[k] = values[k] == 0 ? kZeros.v : kOnes.v;
+  for (size_t a = 0; a < arrays; ++a) {
+    float* const array = data + a * apart;
+    std::fill(array + pixels.size(), array + count, 0.0f);
+    pointers[stored[a]] = array;
+  }
+  static_assert(sizeof(pointers) == sizeof(block->arrays));
+  std::memcpy(&block->arrays, pointers, sizeof(pointers));
 }
+
+}  // namespace
 
 size_t EstimatePathBytes(const Scene& scene, const CameraGeometry& camera, int width, int height,
                          const PathOptions& options) {
@@ -517,46 +584,26 @@ size_t EstimatePathBytes(const Scene& scene, const CameraGeometry& camera, int w
   few.samples = 1;
   const Paths paths(scene, camera, kAcross, kDown, few);
   double vertices = 0;
-  for (int y = 0; y < kDown; ++y) vertices += paths.row(y).first.back();
+  for (const Paths::Block& block : paths.blocks()) vertices += block.first.back();
   const double per_path = vertices / (kAcross * kDown) * kVertexFloats * sizeof(float);
   return static_cast<size_t>(per_path * width * height * options.samples);
 }
 
 Paths::Paths(const Scene& scene, const CameraGeometry& camera, int width, int height,
              const PathOptions& options)
-    : camera_(camera), width_(width), height_(height), samples_(options.samples), rows_(height) {
-  ForRows(height, [&](int y) {
-    thread_local RowScratch scratch;
-    RowTracer tracer(scene, camera, width, height, y, options, &scratch);
-    tracer.Trace();
-    rows_[y].Fill(width, tracer.pixels(), reinterpret_cast<const float*>(tracer.vertices().data()));
+    : camera_(camera), width_(width), height_(height), samples_(options.samples) {
+  const int most = std::max(1, kBlock / samples_);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; x += most) blocks_.push_back({x, y, std::min(most, width - x)});
+  }
+  const Film film(camera, width, height);
+  const Points points(samples_);
+  ForAll(static_cast<int>(blocks_.size()), [&](int i) {
+    thread_local Scratch scratch;
+    Tracer tracer(scene, film, points, options, &scratch);
+    tracer.Trace(blocks_[i]);
+    Fill(tracer.pixels(), tracer.vertices(), &slabs_, &blocks_[i]);
   });
-}
-
-void Paths::Row::Fill(int width, const std::vector<uint32_t>& pixels, const float* vertices) {
-  first.assign(static_cast<size_t>(width) + 1, 0);
-  for (uint32_t x : pixels) ++first[x + 1];
-  for (int x = 0; x < width; ++x) first[x + 1] += first[x];
-  count = (pixels.size() + kLanes - 1) / kLanes * kLanes;
-  if (count == 0) return;
-  // The arrays lie a cache line more apart than they are long: at multiples of a page all of them would share a few places in the
-  // cache.
-  const size_t apart = count + kAlignment / sizeof(float);
-  data.reset(static_cast<float*>(
-      ::operator new[](apart* kVertexFloats * sizeof(float), std::align_val_t{kAlignment})));
-  std::vector<uint32_t> next(first.begin(), first.end() - 1);
-  for (size_t i = 0; i < pixels.size(); ++i) {
-    const uint32_t to = next[pixels[i]]++;
-    for (int k = 0; k < kVertexFloats; ++k) data[k * apart + to] = vertices[i * kVertexFloats + k];
-  }
-  const float* pointers[kVertexFloats];
-  for (int k = 0; k < kVertexFloats; ++k) {
-    float* const array = &data[k * apart];
-    std::fill(array + pixels.size(), array + count, 0.0f);
-    pointers[k] = array;
-  }
-  static_assert(sizeof(pointers) == sizeof(arrays));
-  std::memcpy(&arrays, pointers, sizeof(arrays));
 }
 
 }  // namespace lightstage::sim

@@ -11,12 +11,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <memory>
+#include <span>
 #include <vector>
 
 #include "optics/rig_geometry.h"
 #include "sim/render/kernels.h"
 #include "sim/render/scene.h"
+#include "sim/render/slabs.h"
 
 namespace lightstage::sim {
 
@@ -45,29 +46,25 @@ class Paths {
   int samples() const { return samples_; }
   const CameraGeometry& camera() const { return camera_; }
 
-  // The vertices of one row of pixels, in order of x.
-  struct Row {
+  // Some pixels of a row and their vertices, in order of x: small enough for the nearest cache.
+  struct Block {
+    int x, y, width;   // the pixels [x, x + width) of row y
     size_t count = 0;  // vertices, padded to a multiple of kLanes with ones that take no light
-    std::vector<uint32_t> first;  // width + 1: pixel x has the vertices [first[x], first[x + 1])
+    std::vector<uint32_t>
+        first;  // width + 1: pixel x + i has the vertices [first[i], first[i + 1])
     VertexArrays arrays{};
-
-   private:
-    friend class Paths;
-    void Fill(int width, const std::vector<uint32_t>& pixels, const float* vertices);
-    struct Free {
-      void operator()(float* p) const;
-    };
-    std::unique_ptr<float[], Free> data;
   };
-  const Row& row(int y) const { return rows_[y]; }
+  // From left to right, row by row: all pixels, each once.
+  std::span<const Block> blocks() const { return blocks_; }
 
  private:
   const CameraGeometry camera_;
   const int width_, height_, samples_;
-  std::vector<Row> rows_;
+  std::vector<Block> blocks_;
+  Slabs slabs_;  // what the blocks' arrays lie in
 };
 
-// About how much memory the paths of a picture take, bytes: a few are traced to know.
+// About how much memory the paths of a picture take at most, bytes: a few are traced to know.
 size_t EstimatePathBytes(const Scene& scene, const CameraGeometry& camera, int width, int height,
                          const PathOptions& options);
 

@@ -259,11 +259,10 @@ TEST(Transport, AllKernelsAgree) {
                         {-0.5f, -0.2f, -0.8f}, 0.1f,         10};
   auto run = [&](const Kernels& kernels) {
     std::vector<float> all;
-    for (int y = 0; y < paths.height(); ++y) {
-      const Paths::Row& row = paths.row(y);
-      std::vector<float> rgb(3 * row.count);
-      kernels.disc({scene.handle(), nullptr}, row.arrays, light, row.count, &rgb[0],
-                   &rgb[row.count], &rgb[2 * row.count]);
+    for (const Paths::Block& block : paths.blocks()) {
+      std::vector<float> rgb(3 * block.count);
+      kernels.disc({scene.handle(), nullptr}, block.arrays, light, block.count, &rgb[0],
+                   &rgb[block.count], &rgb[2 * block.count]);
       all.insert(all.end(), rgb.begin(), rgb.end());
     }
     return all;

@@ -42,7 +42,7 @@ std::vector<float> Gaussian(double sigma) {
 Image Spread(const Image& in, const std::vector<float>& weights, bool along_x) {
   const int reach = static_cast<int>(weights.size() / 2);
   Image out(in.width(), in.height(), in.channels());
-  ForRows(in.height(), [&](int y) {
+  ForAll(in.height(), [&](int y) {
     for (int x = 0; x < in.width(); ++x) {
       for (int c = 0; c < in.channels(); ++c) {
         float sum = 0;
@@ -64,7 +64,7 @@ Image Emitted(Image raster, const ProjectorOptics& optics) {
   if (optics.gamma == 1 && optics.black == 0 && optics.vignetting == 0) return raster;
   const Falloff falloff(optics.vignetting, raster.width(), raster.height());
   const auto black = static_cast<float>(optics.black), gamma = static_cast<float>(optics.gamma);
-  ForRows(raster.height(), [&](int y) {
+  ForAll(raster.height(), [&](int y) {
     for (int x = 0; x < raster.width(); ++x) {
       const float v = raster.at(x, y, 0);
       const float shown = v == 0 || v == 1 ? v : std::pow(v, gamma);
@@ -77,7 +77,7 @@ Image Emitted(Image raster, const ProjectorOptics& optics) {
 void PassLens(const CameraLens& lens, Image* image) {
   if (lens.vignetting > 0) {
     const Falloff falloff(lens.vignetting, image->width(), image->height());
-    ForRows(image->height(), [&](int y) {
+    ForAll(image->height(), [&](int y) {
       for (int x = 0; x < image->width(); ++x) {
         for (int c = 0; c < image->channels(); ++c) image->at(x, y, c) *= falloff.At(x, y);
       }

@@ -141,7 +141,7 @@ std::vector<std::byte> ReadSensor(const Image& exposure, const SensorOptions& se
   const std::array<int, 4> mosaic = Mosaic(format);
   const size_t row_bytes = static_cast<size_t>(width) * samples * bytes;
   std::vector<std::byte> data(row_bytes * exposure.height());
-  ForRows(exposure.height(), [&](int y) {
+  ForAll(exposure.height(), [&](int y) {
     std::span<const float> row = exposure.row(y);
     std::byte* out = data.data() + row_bytes * y;
     for (int x = 0; x < width; ++x) {
