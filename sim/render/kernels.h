@@ -46,6 +46,36 @@ struct VertexArrays {
 };
 inline constexpr int kVertexFloats = 32;
 
+struct alignas(32) Lanes {
+  float v[kLanes];
+};
+
+// Eight vertices; the members are those of VertexArrays.
+struct VertexPacket {
+  Lanes x, y, z, nx, ny, nz, medium, vx, vy, vz, tr, tg, tb, dr, dg, db, sr, sg, sb, roughness,
+      share, mis, disc_x, disc_y, wx, wy, wz, fr, fg, fb, pdf, reach;
+};
+
+// Triangles that eight rays have met: corners, and the normals there.
+struct TrianglePacket {
+  Lanes a[3], b[3], c[3], na[3], nb[3], nc[3];
+};
+
+// What eight rays have met: points, unit normals of the triangles and for shading, both on the rays' side, and the material there.
+struct SurfacePacket {
+  Lanes x, y, z, fx, fy, fz, nx, ny, nz;
+  Lanes side;  // 1 where the ray comes from the outer side, −1 from the inner one
+  Lanes dr, dg, db, sr, sg, sb, roughness;
+};
+
+// What scattering there needs: throughput so far, and points of the unit square.
+struct SamplePacket {
+  Lanes tr, tg, tb;
+  Lanes disc_u, disc_v;  // for the vertex' point of the disc
+  Lanes u, v, choice;    // for the next ray; choice: between the glossy layer and its base
+  Lanes on;  // 1 if the path is to go on, 0 if not: a next ray only for the balance heuristic
+};
+
 // A Lambertian disc: radiant intensity · cosine of the angle from its axis, on the side where the axis points.
 struct DiscLight {
   float center[3];
@@ -80,6 +110,11 @@ constexpr uint32_t kUnlit = 0xffffffffu;
 
 struct Kernels {
   const char* name;
+  // Points and normals, for rays that have met triangles.
+  void (*triangles)(const RTCRayHit8& rays, const TrianglePacket& triangles, SurfacePacket* out);
+  // The vertices where the rays end; `reach` is 0.
+  void (*surface)(const RTCRayHit8& rays, const SurfacePacket& surface, const SamplePacket& samples,
+                  VertexPacket* out);
   // What the light adds, by way of each of `count` vertices (a multiple of kLanes), to the radiance that the viewer sees,
   // W/(m²·sr).
   void (*disc)(const Blockers& blockers, const VertexArrays& vertices, const DiscLight& light,

@@ -3,7 +3,7 @@
 namespace lightstage::sim {
 
 const Kernels& BaselineKernels() {
-  static constexpr Kernels kKernels{"baseline", &Disc, &Lens, &Far};
+  static constexpr Kernels kKernels{"baseline", &Triangles, &Surface, &Disc, &Lens, &Far};
   return kKernels;
 }
 

@@ -72,6 +72,76 @@ void CommitTo(RTCScene scene, RTCGeometry geometry) {
   rtcReleaseGeometry(geometry);
 }
 
+// The triangle that a ray has met, in the scene's frame; returns the texture's place.
+Vec2f SetTriangle(const Mesh& mesh, const Eigen::Affine3f* placement, const RTCRayHit8& rays,
+                  int lane, TrianglePacket* out) {
+  const auto& t = mesh.triangles[rays.hit.primID[lane]];
+  const std::array<Lanes*, 3> corners = {out->a, out->b, out->c},
+                              normals = {out->na, out->nb, out->nc};
+  for (int i = 0; i < 3; ++i) {
+    Vec3f corner = mesh.vertices[t[i]], normal = mesh.normals[t[i]];
+    if (placement != nullptr) {
+      // A similarity: normals turn as directions do.
+      corner = *placement * corner;
+      normal = placement->linear() * normal;
+    }
+    for (int c = 0; c < 3; ++c) {
+      corners[i][c].v[lane] = corner[c];
+      normals[i][c].v[lane] = normal[c];
+    }
+  }
+  if (mesh.uvs.empty()) return Vec2f::Zero();
+  const float u = rays.hit.u[lane], v = rays.hit.v[lane];
+  return (1 - u - v) * mesh.uvs[t[0]] + u * mesh.uvs[t[1]] + v * mesh.uvs[t[2]];
+}
+
+// Near the edge Embree's single precision may put the point on the wrong side of it. Returns the outward normal.
+Vec3f SetBall(const Ball& ball, const RTCRayHit8& rays, int lane, SurfacePacket* out) {
+  using Vec3d = Eigen::Vector3d;
+  const RTCRay8& ray = rays.ray;
+  const Vec3d direction = Vec3d(ray.dir_x[lane], ray.dir_y[lane], ray.dir_z[lane]).normalized(),
+              from = Vec3d(ray.org_x[lane], ray.org_y[lane], ray.org_z[lane]) -
+                     ball.center.cast<double>();
+  const double middle = -from.dot(direction);  // where the ray is nearest to the centre
+  const double off = from.squaredNorm() - middle * middle;
+  const double half = std::sqrt(std::max(0.0, double{ball.radius} * ball.radius - off));
+  const bool outside = ray.tfar[lane] < middle;
+  const Vec3f outward =
+      (from + (outside ? middle - half : middle + half) * direction).normalized().cast<float>();
+  const float side = outside ? 1.0f : -1.0f;
+  const Vec3f point = ball.center + ball.radius * outward, normal = side * outward;
+  out->x.v[lane] = point.x();
+  out->y.v[lane] = point.y();
+  out->z.v[lane] = point.z();
+  out->fx.v[lane] = out->nx.v[lane] = normal.x();
+  out->fy.v[lane] = out->ny.v[lane] = normal.y();
+  out->fz.v[lane] = out->nz.v[lane] = normal.z();
+  out->side.v[lane] = side;
+  return outward;
+}
+
+Vec2f BallUv(const Vec3f& outward) {
+  return {std::atan2(outward.y(), outward.x()) / (2 * kPi) + 0.5f,
+          std::acos(std::clamp(-outward.z(), -1.0f, 1.0f)) / kPi};
+}
+
+// The material at the point that is set; returns the texture there.
+Rgb SetColors(const Material& material, const Vec2f& uv, int lane, SurfacePacket* out) {
+  Rgb tint = Rgb::Ones(), diffuse = material.diffuse, specular = material.specular;
+  if (material.texture) {
+    tint = material.texture({Vec3f(out->x.v[lane], out->y.v[lane], out->z.v[lane]), uv});
+    ((diffuse > 0).any() ? diffuse : specular) *= tint;
+  }
+  out->dr.v[lane] = diffuse[0];
+  out->dg.v[lane] = diffuse[1];
+  out->db.v[lane] = diffuse[2];
+  out->sr.v[lane] = specular[0];
+  out->sg.v[lane] = specular[1];
+  out->sb.v[lane] = specular[2];
+  out->roughness.v[lane] = material.roughness;
+  return tint;
+}
+
 }  // namespace
 
 absl::StatusOr<Scene> Scene::Build(SceneDescription description) {
@@ -145,63 +215,34 @@ Scene::~Scene() {
   if (device_ != nullptr) rtcReleaseDevice(device_);
 }
 
-// Near the edge Embree's single precision may put the point on the wrong side of it.
-void Scene::ResolveBall(const Ball& ball, const Ray& ray, float distance, Hit* hit) const {
-  const Eigen::Vector3d direction = ray.direction.cast<double>().normalized(),
-                        from = (ray.origin - ball.center).cast<double>();
-  const double middle = -from.dot(direction);  // where the ray is nearest to the centre
-  const double off = from.squaredNorm() - middle * middle;
-  const double half = std::sqrt(std::max(0.0, double{ball.radius} * ball.radius - off));
-  hit->outside = distance < middle;
-  const double there = hit->outside ? middle - half : middle + half;
-  const Eigen::Vector3d normal = (from + there * direction).normalized();
-  hit->point = ball.center + ball.radius * normal.cast<float>();
-  hit->face = hit->normal = (hit->outside ? normal : -normal).cast<float>();
-}
-
-Scene::Hit Scene::Resolve(const Ray& ray, const Found& found) const {
-  const Geometry& geometry = GeometryOf(found);
-  Hit hit;
-  SurfacePoint at;
-  int material;
-  if (geometry.ball >= 0) {
-    const Ball& ball = description_->balls[geometry.ball];
-    ResolveBall(ball, ray, found.distance, &hit);
-    const Vec3f outward = hit.outside ? hit.normal : Vec3f(-hit.normal);
-    at.uv = Vec2f(std::atan2(outward.y(), outward.x()) / (2 * kPi) + 0.5f,
-                  std::acos(std::clamp(-outward.z(), -1.0f, 1.0f)) / kPi);
-    material = ball.material;
-  } else {
-    const Mesh& mesh = description_->meshes[geometry.mesh];
-    const auto& t = mesh.triangles[found.triangle];
-    const float u = found.u, v = found.v, w = 1 - u - v;
-    const Vec3f &a = mesh.vertices[t[0]], &b = mesh.vertices[t[1]], &c = mesh.vertices[t[2]];
-    hit.point = w * a + u * b + v * c;
-    hit.face = (b - a).cross(c - a);
-    hit.normal = w * mesh.normals[t[0]] + u * mesh.normals[t[1]] + v * mesh.normals[t[2]];
-    if (!mesh.uvs.empty()) at.uv = w * mesh.uvs[t[0]] + u * mesh.uvs[t[1]] + v * mesh.uvs[t[2]];
-    if (geometry.placed) {
-      // A similarity: normals turn as directions do.
-      hit.point = geometry.placement * hit.point;
-      hit.face = geometry.placement.linear() * hit.face;
-      hit.normal = geometry.placement.linear() * hit.normal;
-    }
-    hit.face.normalize();
-    hit.normal.normalize();
-    hit.outside = hit.face.dot(ray.direction) <= 0;
-    if (!hit.outside) {
-      hit.face = -hit.face;
-      hit.normal = -hit.normal;
-    }
-    material = mesh.material;
+void Scene::Resolve(const RTCRayHit8& rays, Hits* hits) const {
+  TrianglePacket triangles = {};
+  const Geometry* geometries[kLanes];
+  Vec2f uvs[kLanes];
+  for (int k = 0; k < kLanes; ++k) {
+    geometries[k] = GeometryOf(rays, k);
+    if (geometries[k] == nullptr || geometries[k]->ball >= 0) continue;
+    uvs[k] = SetTriangle(description_->meshes[geometries[k]->mesh],
+                         geometries[k]->placed ? &geometries[k]->placement : nullptr, rays, k,
+                         &triangles);
   }
-  at.position = hit.point;
-  hit.material = &description_->materials[material];
-  hit.tint = hit.material->texture ? hit.material->texture(at) : Rgb::Ones();
-  const bool colored = (hit.material->diffuse > 0).any();
-  hit.diffuse = hit.material->diffuse * hit.tint;
-  hit.specular = colored ? hit.material->specular : hit.material->specular * hit.tint;
-  return hit;
+  SurfacePacket& surface = hits->surface;
+  BestKernels().triangles(rays, triangles, &surface);
+  for (int k = 0; k < kLanes; ++k) {
+    hits->materials[k] = nullptr;
+    if (geometries[k] == nullptr) continue;
+    int material;
+    if (geometries[k]->ball >= 0) {
+      const Ball& ball = description_->balls[geometries[k]->ball];
+      const Vec3f outward = SetBall(ball, rays, k, &surface);
+      material = ball.material;
+      if (description_->materials[material].texture) uvs[k] = BallUv(outward);
+    } else {
+      material = description_->meshes[geometries[k]->mesh].material;
+    }
+    hits->materials[k] = &description_->materials[material];
+    hits->tints[k] = SetColors(*hits->materials[k], uvs[k], k, &surface);
+  }
 }
 
 std::string Scene::NameOf(const Geometry& geometry) const {

@@ -17,6 +17,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "sim/render/kernels.h"
 
 namespace lightstage::sim {
 
@@ -107,25 +108,15 @@ class Scene {
   // Occlusion is to be asked with a ShadowContext (kernels.h), or media hide what is behind them.
   RTCScene handle() const { return scene_; }
 
-  // What a ray meets first.
-  struct Hit {
-    Vec3f point;            // on the surface
-    Vec3f face;             // unit normal of the triangle, towards the ray's origin
-    Vec3f normal;           // unit shading normal, on the same side
-    Rgb diffuse, specular;  // texture applied
-    Rgb tint;               // the texture
-    const Material* material;
-    bool outside;  // the ray comes from the outer side of the shape
+  // What eight rays have met first.
+  struct Hits {
+    SurfacePacket surface;  // textures applied
+    Rgb tints[kLanes];      // the textures
+    const Material*
+        materials[kLanes];  // null where a ray has met nothing: the rest is not set there
   };
-  struct Ray {
-    Vec3f origin, direction;  // unit
-  };
-  // What Embree found there.
-  struct Found {
-    uint32_t instance, geometry, triangle;  // RTC_INVALID_GEOMETRY_ID if not an instance
-    float u, v, distance;
-  };
-  Hit Resolve(const Ray& ray, const Found& found) const;
+  // `rays`: of unit directions, as rtcIntersect8 leaves them.
+  void Resolve(const RTCRayHit8& rays, Hits* hits) const;
 
   // FAILED_PRECONDITION / INSIDE_OBJECT naming the shape, if `what` stands at a point inside a closed one: it would see it from
   // within.
@@ -142,10 +133,11 @@ class Scene {
 
   Scene() = default;
   void Attach();
-  const Geometry& GeometryOf(const Found& found) const {
-    return geometries_[found.instance != RTC_INVALID_GEOMETRY_ID ? found.instance : found.geometry];
+  const Geometry* GeometryOf(const RTCRayHit8& rays, int lane) const {
+    const uint32_t instance = rays.hit.instID[0][lane], geometry = rays.hit.geomID[lane];
+    if (geometry == RTC_INVALID_GEOMETRY_ID) return nullptr;
+    return &geometries_[instance != RTC_INVALID_GEOMETRY_ID ? instance : geometry];
   }
-  void ResolveBall(const Ball& ball, const Ray& ray, float distance, Hit* hit) const;
   bool Encloses(const Geometry& geometry, const Vec3f& point) const;
   std::string NameOf(const Geometry& geometry) const;
 
