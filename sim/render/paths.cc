@@ -105,21 +105,24 @@ static_assert(sizeof(VertexPacket) == kVertexFloats * sizeof(Lanes));
 class Vertices {
  public:
   void Clear() {
-    packets_.clear();
     pixels_.clear();
     free_ = 0;
   }
-  // For eight vertices at once: the first one's number. They do not count before they are given a pixel.
+  // For eight vertices at once: the first one's number. They hold anything, and do not count before they are given a pixel.
   uint32_t AddPacket() {
-    packets_.emplace_back();
-    pixels_.resize(pixels_.size() + kLanes, kNone);
-    return static_cast<uint32_t>(pixels_.size() - kLanes);
+    const auto first = static_cast<uint32_t>(pixels_.size());
+    if (packets_.size() == first / kLanes) packets_.emplace_back();
+    pixels_.resize(first + kLanes, kNone);
+    return first;
   }
   VertexPacket& PacketOf(uint32_t vertex) { return packets_[vertex / kLanes]; }
   void SetPixel(uint32_t vertex, uint32_t x) { pixels_[vertex] = x; }
   // A single one, all 0.
   uint32_t Add(uint32_t x) {
-    if (free_ % kLanes == 0) free_ = AddPacket();
+    if (free_ % kLanes == 0) {
+      free_ = AddPacket();
+      PacketOf(free_) = {};
+    }
     SetPixel(free_, x);
     return free_++;
   }
@@ -127,10 +130,14 @@ class Vertices {
   void Store(Slabs* slabs, Paths::Block* block);
 
  private:
-  std::vector<VertexPacket> packets_;
-  std::vector<uint32_t> pixels_;  // per lane
-  uint32_t free_ = 0;             // the next lane for a single one; none if it would begin a packet
+  std::vector<VertexPacket> packets_;  // and what is left of earlier blocks
+  std::vector<uint32_t> pixels_;       // per lane
+  uint32_t free_ = 0;  // the next lane for a single one; none if it would begin a packet
   std::vector<uint32_t> order_;
+  struct Run {
+    uint32_t lane, count;  // within a packet
+  };
+  std::vector<Run> runs_;
   std::vector<float> arrays_;
 };
 
@@ -151,22 +158,20 @@ struct Path {
 
 // Paths that are as far: ray i is lane i % kLanes of packet i / kLanes.
 struct Wave {
-  std::vector<RTCRayHit8> packets;
+  std::vector<RTCRayHit8> packets;  // and what is left of earlier waves
   std::vector<Path> paths;
 
-  void Clear() {
-    packets.clear();
-    paths.clear();
-  }
+  size_t packet_count() const { return (paths.size() + kLanes - 1) / kLanes; }
   // What is nearer than `near` is not met.
   void Add(const Path& path, const Vec3f& origin, const Vec3f& direction, float near = 0) {
-    const size_t k = paths.size() % kLanes;
+    const size_t packet = paths.size() / kLanes, k = paths.size() % kLanes;
     if (k == 0) {
-      RTCHit8& hit = packets.emplace_back().hit;
+      if (packets.size() == packet) packets.emplace_back();
+      RTCHit8& hit = packets[packet].hit;
       std::fill_n(hit.geomID, kLanes, RTC_INVALID_GEOMETRY_ID);
       std::fill_n(hit.instID[0], kLanes, RTC_INVALID_GEOMETRY_ID);
     }
-    RTCRay8& ray = packets.back().ray;
+    RTCRay8& ray = packets[packet].ray;
     ray.org_x[k] = origin.x();
     ray.org_y[k] = origin.y();
     ray.org_z[k] = origin.z();
@@ -191,7 +196,10 @@ struct Film {
     down = (step * frame.down).cast<float>();
   }
   // Unit; x and y in pixels.
-  Vec3f Direction(float x, float y) const { return (corner + x * right + y * down).normalized(); }
+  Vec3f Direction(float x, float y) const {
+    const Vec3f direction = corner + x * right + y * down;
+    return (1 / direction.norm()) * direction;
+  }
 
   int width;
   Vec3f origin, corner, right, down;
@@ -201,6 +209,7 @@ struct Film {
 struct Scratch {
   Wave wave, next;
   Scene::Hits hits = {};
+  SamplePacket samples = {};
   Vertices vertices;
 };
 
@@ -218,14 +227,15 @@ class Tracer {
         wave_(scratch->wave),
         next_(scratch->next),
         hits_(scratch->hits),
+        samples_(scratch->samples),
         vertices_(scratch->vertices) {}
 
   void Trace(const Paths::Block& block) {
     Begin(block);
     while (!wave_.paths.empty()) {
       Intersect();
-      next_.Clear();
-      for (size_t i = 0; i < wave_.packets.size(); ++i) Arrive(i);
+      next_.paths.clear();
+      for (size_t i = 0; i < wave_.packet_count(); ++i) Arrive(i);
       std::swap(wave_, next_);
     }
   }
@@ -236,7 +246,7 @@ class Tracer {
   }
 
   void Begin(const Paths::Block& block) {
-    wave_.Clear();
+    wave_.paths.clear();
     vertices_.Clear();
     for (int x = block.x; x < block.x + block.width; ++x) {
       Path path{.throughput = Rgb::Ones(), .x = static_cast<uint32_t>(x)};
@@ -255,7 +265,7 @@ class Tracer {
     rtcInitIntersectContext(&context);
     context.flags = wave_.paths.front().depth == 0 ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT
                                                    : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-    for (size_t i = 0; i < wave_.packets.size(); ++i) {
+    for (size_t i = 0; i < wave_.packet_count(); ++i) {
       alignas(32) int valid[kLanes];
       for (size_t k = 0; k < kLanes; ++k) valid[k] = i * kLanes + k < wave_.paths.size() ? -1 : 0;
       rtcIntersect8(valid, scene_.handle(), &context, &wave_.packets[i]);
@@ -393,23 +403,22 @@ class Tracer {
   }
 
   void Scatter(const Path* paths, const RTCRayHit8& rays, std::span<const int> lanes) {
-    SamplePacket samples = {};
     for (int k : lanes) {
       const Path& path = paths[k];
-      Put(path.throughput, k, &samples.tr, &samples.tg, &samples.tb);
+      Put(path.throughput, k, &samples_.tr, &samples_.tg, &samples_.tb);
       const Points::Point disc = PointOf(path, Dimension(path.depth, kDisc));
-      samples.disc_u.v[k] = disc.u;
-      samples.disc_v.v[k] = disc.v;
+      samples_.disc_u.v[k] = disc.u;
+      samples_.disc_v.v[k] = disc.v;
       const bool on = path.depth < options_.bounces;
+      samples_.on.v[k] = on ? 1 : 0;
       if (!on && hits_.surface.roughness.v[k] >= kGlossy) continue;
       const Points::Point next = PointOf(path, Dimension(path.depth, kDirection));
-      samples.u.v[k] = next.u;
-      samples.v.v[k] = next.v;
-      samples.choice.v[k] = PointOf(path, Dimension(path.depth, kChoice)).u;
-      samples.on.v[k] = on ? 1 : 0;
+      samples_.u.v[k] = next.u;
+      samples_.v.v[k] = next.v;
+      samples_.choice.v[k] = PointOf(path, Dimension(path.depth, kChoice)).u;
     }
     const uint32_t first = vertices_.AddPacket();
-    BestKernels().surface(rays, hits_.surface, samples, &vertices_.PacketOf(first));
+    BestKernels().surface(rays, hits_.surface, samples_, &vertices_.PacketOf(first));
     for (int k : lanes) {
       vertices_.SetPixel(first + k, paths[k].x);
       GoOn(paths[k], first + k);
@@ -479,6 +488,7 @@ class Tracer {
   const PathOptions& options_;
   Wave &wave_, &next_;
   Scene::Hits& hits_;
+  SamplePacket& samples_;
   Vertices& vertices_;
 };
 
@@ -490,6 +500,13 @@ struct alignas(Slabs::kAlignment) Constant {
 };
 const Constant kZeros(0), kOnes(1);
 
+// The one that is equal to the array, or null.
+const float* Shared(const float* array, size_t count) {
+  if (array[0] != 0 && array[0] != 1) return nullptr;
+  const float* const shared = array[0] == 0 ? kZeros.v : kOnes.v;
+  return std::memcmp(array, shared, count * sizeof(float)) == 0 ? shared : nullptr;
+}
+
 void Vertices::Store(Slabs* slabs, Paths::Block* block) {
   std::vector<uint32_t>& first = block->first;
   first.assign(static_cast<size_t>(block->width) + 1, 0);
@@ -499,37 +516,39 @@ void Vertices::Store(Slabs* slabs, Paths::Block* block) {
   for (int x = 0; x < block->width; ++x) first[x + 1] += first[x];
   const size_t vertices = first.back();
   if (vertices == 0) return;
-  // Where each vertex' first number is.
+  // Which lanes come when.
   order_.resize(vertices);
   for (size_t i = 0; i < pixels_.size(); ++i) {
-    if (pixels_[i] == kNone) continue;
-    const size_t packet = i / kLanes, lane = i % kLanes;
-    order_[first[pixels_[i] - block->x]++] =
-        static_cast<uint32_t>(packet * kVertexFloats * kLanes + lane);
+    if (pixels_[i] != kNone) order_[first[pixels_[i] - block->x]++] = static_cast<uint32_t>(i);
   }
   std::rotate(first.begin(), first.end() - 1, first.end());  // they have moved on by one pixel
   first.front() = 0;
+  // Most come together with their neighbours.
+  runs_.clear();
+  for (uint32_t lane : order_) {
+    if (!runs_.empty() && lane % kLanes != 0 && lane == runs_.back().lane + runs_.back().count) {
+      ++runs_.back().count;
+    } else {
+      runs_.push_back({lane, 1});
+    }
+  }
 
   block->count = (vertices + kLanes - 1) / kLanes * kLanes;
   // A cache line more apart than they are long: at multiples of a page all arrays would share a few places in the cache.
   const size_t apart = block->count + Slabs::kAlignment / sizeof(float);
   arrays_.resize(apart * kVertexFloats);
-  const auto* const from = reinterpret_cast<const float*>(packets_.data());
   const float* shared[kVertexFloats];
   size_t kept = 0;
   for (int k = 0; k < kVertexFloats; ++k) {
-    float* const to = &arrays_[kept * apart];
-    const float* const member = from + k * kLanes;
-    const float value = member[order_[0]];
-    bool same = true;
-    for (size_t i = 0; i < vertices; ++i) {
-      to[i] = member[order_[i]];
-      same &= to[i] == value;
+    float* const array = &arrays_[kept * apart];
+    float* to = array;
+    for (const Run& run : runs_) {
+      const auto* const from = reinterpret_cast<const Lanes*>(&packets_[run.lane / kLanes])[k].v;
+      to = std::copy_n(from + run.lane % kLanes, run.count, to);
     }
-    std::fill(to + vertices, to + block->count, 0.0f);
-    const bool constant = same && (value == 0 || value == 1) && block->count <= kMostShared;
-    shared[k] = !constant ? nullptr : value == 0 ? kZeros.v : kOnes.v;
-    kept += !constant;
+    std::fill(to, array + block->count, 0.0f);
+    shared[k] = block->count <= kMostShared ? Shared(array, vertices) : nullptr;
+    if (shared[k] == nullptr) ++kept;
   }
   const float* data = nullptr;
   if (kept > 0)
