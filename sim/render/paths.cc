@@ -208,7 +208,7 @@ struct Film {
 // What tracing a block needs, kept from block to block: its memory is touched already.
 struct Scratch {
   Wave wave, next;
-  Scene::Hits hits = {};
+  Scene::Hits hits;
   SamplePacket samples = {};
   Vertices vertices;
 };
@@ -464,9 +464,10 @@ class Tracer {
   void GoOn(const Path& path, uint32_t vertex, float narrowing = 1) {
     const VertexPacket& v = vertices_.PacketOf(vertex);
     const uint32_t k = vertex % kLanes;
+    const Rgb throughput(v.fr.v[k], v.fg.v[k], v.fb.v[k]);
+    if (throughput.maxCoeff() <= 0) return;
     Path on = path;
-    on.throughput = Rgb(v.fr.v[k], v.fg.v[k], v.fb.v[k]);
-    if (!(on.throughput > 0).any()) return;
+    on.throughput = throughput;
     on.narrowed *= narrowing;
     on.last = path.depth >= options_.bounces;
     if (!on.last && path.depth >= kRouletteFrom) {
@@ -543,8 +544,14 @@ void Vertices::Store(Slabs* slabs, Paths::Block* block) {
     float* const array = &arrays_[kept * apart];
     float* to = array;
     for (const Run& run : runs_) {
-      const auto* const from = reinterpret_cast<const Lanes*>(&packets_[run.lane / kLanes])[k].v;
-      to = std::copy_n(from + run.lane % kLanes, run.count, to);
+      const Lanes& from = reinterpret_cast<const Lanes*>(&packets_[run.lane / kLanes])[k];
+      if (run.lane % kLanes == 0) {
+        // Always a whole packet: what is too much is written over.
+        std::memcpy(to, from.v, sizeof(from));
+      } else {
+        std::copy_n(from.v + run.lane % kLanes, run.count, to);
+      }
+      to += run.count;
     }
     std::fill(to, array + block->count, 0.0f);
     shared[k] = block->count <= kMostShared ? Shared(array, vertices) : nullptr;

@@ -170,10 +170,13 @@ void Scene::Attach() {
   for (size_t i = 0; i < description_->meshes.size(); ++i) {
     const Mesh& mesh = description_->meshes[i];
     RTCGeometry triangles = MakeTriangles(device_, mesh);
-    SetMaterial(triangles, description_->materials[mesh.material]);
+    const Material& material = description_->materials[mesh.material];
+    SetMaterial(triangles, material);
+    Geometry as_it_is{.mesh = &mesh, .number = static_cast<int>(i), .material = &material};
     if (mesh.placements.empty()) {
       CommitTo(scene_, triangles);
-      geometries_.push_back({.mesh = static_cast<int>(i)});
+      for (const Vec3f& v : mesh.vertices) as_it_is.box.extend(v);
+      geometries_.push_back(as_it_is);
       continue;
     }
     RTCScene once = rtcNewScene(device_);
@@ -186,21 +189,19 @@ void Scene::Attach() {
       rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR,
                               placement.matrix().data());
       CommitTo(scene_, instance);
-      geometries_.push_back({.mesh = static_cast<int>(i), .placement = placement, .placed = true});
+      Geometry& placed = geometries_.emplace_back(as_it_is);
+      placed.placement = &placement;
+      for (const Vec3f& v : mesh.vertices) placed.box.extend(placement * v);
     }
     rtcReleaseScene(once);  // the instances hold it
   }
   for (size_t i = 0; i < description_->balls.size(); ++i) {
-    RTCGeometry geometry = MakeBall(device_, description_->balls[i]);
-    SetMaterial(geometry, description_->materials[description_->balls[i].material]);
+    const Ball& ball = description_->balls[i];
+    const Material& material = description_->materials[ball.material];
+    RTCGeometry geometry = MakeBall(device_, ball);
+    SetMaterial(geometry, material);
     CommitTo(scene_, geometry);
-    geometries_.push_back({.ball = static_cast<int>(i)});
-  }
-  for (Geometry& geometry : geometries_) {
-    if (geometry.mesh < 0) continue;
-    for (const Vec3f& v : description_->meshes[geometry.mesh].vertices) {
-      geometry.box.extend(geometry.placed ? Vec3f(geometry.placement * v) : v);
-    }
+    geometries_.push_back({.ball = &ball, .number = static_cast<int>(i), .material = &material});
   }
 }
 
@@ -216,50 +217,42 @@ Scene::~Scene() {
 }
 
 void Scene::Resolve(const RTCRayHit8& rays, Hits* hits) const {
-  TrianglePacket triangles = {};
   const Geometry* geometries[kLanes];
   Vec2f uvs[kLanes];
   for (int k = 0; k < kLanes; ++k) {
     geometries[k] = GeometryOf(rays, k);
-    if (geometries[k] == nullptr || geometries[k]->ball >= 0) continue;
-    uvs[k] = SetTriangle(description_->meshes[geometries[k]->mesh],
-                         geometries[k]->placed ? &geometries[k]->placement : nullptr, rays, k,
-                         &triangles);
+    if (geometries[k] == nullptr || geometries[k]->mesh == nullptr) continue;
+    uvs[k] = SetTriangle(*geometries[k]->mesh, geometries[k]->placement, rays, k, &hits->triangles);
   }
   SurfacePacket& surface = hits->surface;
-  BestKernels().triangles(rays, triangles, &surface);
+  BestKernels().triangles(rays, hits->triangles, &surface);
   for (int k = 0; k < kLanes; ++k) {
     hits->materials[k] = nullptr;
     if (geometries[k] == nullptr) continue;
-    int material;
-    if (geometries[k]->ball >= 0) {
-      const Ball& ball = description_->balls[geometries[k]->ball];
-      const Vec3f outward = SetBall(ball, rays, k, &surface);
-      material = ball.material;
-      if (description_->materials[material].texture) uvs[k] = BallUv(outward);
-    } else {
-      material = description_->meshes[geometries[k]->mesh].material;
+    const Material& material = *geometries[k]->material;
+    if (geometries[k]->ball != nullptr) {
+      const Vec3f outward = SetBall(*geometries[k]->ball, rays, k, &surface);
+      if (material.texture) uvs[k] = BallUv(outward);
     }
-    hits->materials[k] = &description_->materials[material];
-    hits->tints[k] = SetColors(*hits->materials[k], uvs[k], k, &surface);
+    hits->materials[k] = &material;
+    hits->tints[k] = SetColors(material, uvs[k], k, &surface);
   }
 }
 
 std::string Scene::NameOf(const Geometry& geometry) const {
-  if (geometry.ball >= 0) return absl::StrCat("ball ", geometry.ball);
-  const std::string& name = description_->meshes[geometry.mesh].name;
-  return name.empty() ? absl::StrCat("mesh ", geometry.mesh) : name;
+  if (geometry.ball != nullptr) return absl::StrCat("ball ", geometry.number);
+  const std::string& name = geometry.mesh->name;
+  return name.empty() ? absl::StrCat("mesh ", geometry.number) : name;
 }
 
 bool Scene::Encloses(const Geometry& geometry, const Vec3f& point) const {
-  if (geometry.ball >= 0) {
-    const Ball& ball = description_->balls[geometry.ball];
-    return (point - ball.center).norm() < ball.radius;
+  if (const Ball* ball = geometry.ball; ball != nullptr) {
+    return (point - ball->center).norm() < ball->radius;
   }
   if (!geometry.box.contains(point)) return false;
-  const Mesh& mesh = description_->meshes[geometry.mesh];
-  const Vec3f own = geometry.placed ? Vec3f(geometry.placement.inverse() * point) : point;
-  return WindingNumber(mesh, own.cast<double>()) > 0.5;
+  const Vec3f own =
+      geometry.placement != nullptr ? Vec3f(geometry.placement->inverse() * point) : point;
+  return WindingNumber(*geometry.mesh, own.cast<double>()) > 0.5;
 }
 
 absl::Status Scene::CheckOutside(const Vec3f& point, const std::string& what) const {

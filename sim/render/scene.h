@@ -110,10 +110,11 @@ class Scene {
 
   // What eight rays have met first.
   struct Hits {
-    SurfacePacket surface;  // textures applied
-    Rgb tints[kLanes];      // the textures
-    const Material*
-        materials[kLanes];  // null where a ray has met nothing: the rest is not set there
+    TrianglePacket triangles = {};
+    SurfacePacket surface = {};  // textures applied
+    Rgb tints[kLanes];           // the textures
+    // Null where a ray has met nothing: the rest is as it was before there.
+    const Material* materials[kLanes] = {};
   };
   // `rays`: of unit directions, as rtcIntersect8 leaves them.
   void Resolve(const RTCRayHit8& rays, Hits* hits) const;
@@ -125,10 +126,12 @@ class Scene {
  private:
   // What an Embree geometry is.
   struct Geometry {
-    int mesh = -1, ball = -1;  // one of them
-    Eigen::Affine3f placement = Eigen::Affine3f::Identity();
-    bool placed = false;
-    Eigen::AlignedBox3f box;  // of the mesh as it is placed
+    const Mesh* mesh = nullptr;  // one of them
+    const Ball* ball = nullptr;
+    int number = 0;  // among the meshes or balls
+    const Material* material = nullptr;
+    const Eigen::Affine3f* placement = nullptr;  // null: as it is
+    Eigen::AlignedBox3f box;                     // of the mesh as it is placed
   };
 
   Scene() = default;

@@ -10,8 +10,9 @@ namespace {
 constexpr float kPi = std::numbers::pi_v<float>;
 
 // A sine to 1e-3: a refined parabola. Textures are asked for every ray.
-float Wave(float x) {
-  const float turns = x / (2 * kPi);
+inline float Wave(float x) {
+  constexpr float kPerTurn = 1 / (2 * kPi);
+  const float turns = kPerTurn * x;
   const float t = turns - static_cast<float>(static_cast<int>(turns + std::copysign(0.5f, turns)));
   const float y = 8 * t - 16 * t * std::abs(t);
   return y * (0.775f + 0.225f * std::abs(y));
