@@ -74,6 +74,43 @@ struct Contributions {
   float *r, *g, *b;
 };
 
+// What one pixel of the projector gives to one of the camera.
+struct Entry {
+  uint32_t source;
+  float r, g, b;
+};
+
+// Adds the block's entries, and where those of each pixel begin.
+void AddEntries(const Scene& scene, const Paths& paths, const Paths::Block& block,
+                const LensLight& light, RTCScene parts, std::vector<Entry>* entries,
+                std::vector<uint32_t>* first) {
+  // Light comes to a vertex by connection and, from a lens, along its next ray.
+  const size_t ways = light.radius > 0 ? 2 : 1;
+  const Contributions add(ways * block.count);
+  thread_local std::vector<uint32_t> pixels;
+  pixels.resize(ways * block.count);
+  BestKernels().lens({scene.handle(), parts}, block.arrays, light, block.count, pixels.data(),
+                     add.r, add.g, add.b);
+  const std::vector<float> shares = Shares(paths, block, parts);
+  for (int x = 0; x < block.width; ++x) {
+    const size_t begin = entries->size();
+    first->push_back(static_cast<uint32_t>(begin));
+    for (size_t way = 0; way < ways; ++way) {
+      for (uint32_t k = block.first[x]; k < block.first[x + 1]; ++k) {
+        const size_t i = way * block.count + k;
+        if (pixels[i] == kUnlit) continue;
+        // Neighbouring samples are often lit by the same pixel of the projector.
+        auto entry = std::find_if(entries->begin() + static_cast<ptrdiff_t>(begin), entries->end(),
+                                  [&](const Entry& e) { return e.source == pixels[i]; });
+        if (entry == entries->end()) entry = entries->insert(entry, {pixels[i], 0, 0, 0});
+        entry->r += shares[x] * add.r[i];
+        entry->g += shares[x] * add.g[i];
+        entry->b += shares[x] * add.b[i];
+      }
+    }
+  }
+}
+
 }  // namespace
 
 DiscLight LampLight(const BraceGeometry& brace, int lamp, Angle azimuth, double intensity_w_sr,
@@ -137,94 +174,83 @@ Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light,
 
 ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const LensLight& light,
                               RTCScene parts) {
-  const int width = paths.width(), height = paths.height();
-  struct Entries {
-    std::vector<uint32_t> counts, source;
-    std::vector<float> rgb;
-  };
-  std::vector<Entries> blocks(paths.blocks().size());
-  ForAll(static_cast<int>(blocks.size()), [&](int block) {
-    const Paths::Block& vertices = paths.blocks()[block];
-    // Light comes to a vertex by connection and, from a lens, along its next ray.
-    const size_t ways = light.radius > 0 ? 2 : 1;
-    const Contributions add(ways * vertices.count);
-    thread_local std::vector<uint32_t> pixels;
-    pixels.resize(ways * vertices.count);
-    BestKernels().lens({scene.handle(), parts}, vertices.arrays, light, vertices.count,
-                       pixels.data(), add.r, add.g, add.b);
-    const std::vector<float> shares = Shares(paths, vertices, parts);
-    Entries& to = blocks[block];
-    to.counts.resize(vertices.width);
-    for (int x = 0; x < vertices.width; ++x) {
-      const size_t begin = to.source.size();
-      for (size_t way = 0; way < ways; ++way) {
-        for (uint32_t k = vertices.first[x]; k < vertices.first[x + 1]; ++k) {
-          const size_t i = way * vertices.count + k;
-          if (pixels[i] == kUnlit) continue;
-          // Neighbouring samples are often lit by the same pixel of the projector.
-          const size_t at = std::find(to.source.begin() + static_cast<ptrdiff_t>(begin),
-                                      to.source.end(), pixels[i]) -
-                            to.source.begin();
-          if (at == to.source.size()) {
-            to.source.push_back(pixels[i]);
-            to.rgb.insert(to.rgb.end(), {0.0f, 0.0f, 0.0f});
-          }
-          to.rgb[3 * at] += shares[x] * add.r[i];
-          to.rgb[3 * at + 1] += shares[x] * add.g[i];
-          to.rgb[3 * at + 2] += shares[x] * add.b[i];
-        }
-      }
-      to.counts[x] = static_cast<uint32_t>(to.source.size() - begin);
-    }
-  });
-
   ProjectorTransport out;
-  out.width_ = width;
-  size_t total = 0;
-  for (const Entries& block : blocks) total += block.source.size();
-  out.first_.reserve(static_cast<size_t>(width) * height + 1);
-  out.source_.reserve(total);
-  out.rgb_.reserve(3 * total);
-  uint32_t at = 0;
-  for (const Entries& block : blocks) {
-    for (uint32_t count : block.counts) {
-      out.first_.push_back(at);
-      at += count;
+  out.rows_.resize(paths.height());
+  const size_t blocks_per_row = paths.blocks().size() / paths.height();
+  ForAll(paths.height(), [&](int y) {
+    // The entries by pixels.
+    thread_local std::vector<Entry> entries;
+    thread_local std::vector<uint32_t> first;
+    entries.clear();
+    first.clear();
+    for (const Paths::Block& block : paths.blocks().subspan(y * blocks_per_row, blocks_per_row)) {
+      AddEntries(scene, paths, block, light, parts, &entries, &first);
     }
-    out.source_.insert(out.source_.end(), block.source.begin(), block.source.end());
-    out.rgb_.insert(out.rgb_.end(), block.rgb.begin(), block.rgb.end());
-  }
-  out.first_.push_back(at);
+    first.push_back(static_cast<uint32_t>(entries.size()));
+
+    ProjectorTransport::Row& row = out.rows_[y];
+    const auto count = [&](uint32_t x) { return first[x + 1] - first[x]; };
+    for (int x = 0; x < paths.width(); ++x) {
+      if (count(x) > 0) row.pixels.push_back(x);
+    }
+    std::stable_sort(row.pixels.begin(), row.pixels.end(),
+                     [&](uint32_t a, uint32_t b) { return count(a) > count(b); });
+    row.source.reserve(entries.size());
+    row.r.reserve(entries.size());
+    row.g.reserve(entries.size());
+    row.b.reserve(entries.size());
+    size_t left = row.pixels.size();
+    for (uint32_t layer = 0;; ++layer) {
+      while (left > 0 && count(row.pixels[left - 1]) <= layer) --left;
+      if (left == 0) break;
+      row.layers.push_back(static_cast<uint32_t>(left));
+      for (size_t i = 0; i < left; ++i) {
+        const Entry& entry = entries[first[row.pixels[i]] + layer];
+        row.source.push_back(static_cast<int32_t>(entry.source));
+        row.r.push_back(entry.r);
+        row.g.push_back(entry.g);
+        row.b.push_back(entry.b);
+      }
+    }
+    row.pixels.shrink_to_fit();
+  });
   return out;
 }
 
 void ProjectorTransport::Add(const Image& raster, std::span<const float> scales, Image* sum) const {
-  const std::span<const float> values = raster.pixels();
+  const float* const values = raster.pixels().data();
   ForAll(sum->height(), [&](int y) {
+    const Row& row = rows_[y];
     const float scale = scales[y];
-    if (scale == 0) return;
-    std::span<float> row = sum->row(y);
-    for (int x = 0; x < width_; ++x) {
-      const size_t pixel = static_cast<size_t>(y) * width_ + x;
-      float r = 0, g = 0, b = 0;
-      for (uint32_t s = first_[pixel]; s < first_[pixel + 1]; ++s) {
-        const float value = values[source_[s]];
-        if (value == 0) continue;
-        r += value * rgb_[3 * size_t{s}];
-        g += value * rgb_[3 * size_t{s} + 1];
-        b += value * rgb_[3 * size_t{s} + 2];
-      }
-      float* out = &row[3 * static_cast<size_t>(x)];
-      out[0] += scale * r;
-      out[1] += scale * g;
-      out[2] += scale * b;
+    if (scale == 0 || row.pixels.empty()) return;
+    const size_t pixels = row.pixels.size();
+    thread_local std::vector<float> buffer;
+    buffer.assign(3 * pixels, 0.0f);
+    float *const r = buffer.data(), *const g = r + pixels, *const b = g + pixels;
+    size_t at = 0;
+    for (uint32_t count : row.layers) {
+      BestKernels().gather(values, &row.source[at], &row.r[at], &row.g[at], &row.b[at], count, r, g,
+                           b);
+      at += count;
+    }
+    std::span<float> out = sum->row(y);
+    for (size_t i = 0; i < pixels; ++i) {
+      float* const to = &out[3 * size_t{row.pixels[i]}];
+      to[0] += scale * r[i];
+      to[1] += scale * g[i];
+      to[2] += scale * b[i];
     }
   });
 }
 
 size_t ProjectorTransport::bytes() const {
-  return sizeof(uint32_t) * (first_.capacity() + source_.capacity()) +
-         sizeof(float) * rgb_.capacity();
+  size_t bytes = rows_.size() * sizeof(Row);
+  for (const Row& row : rows_) {
+    bytes += sizeof(uint32_t) * (row.pixels.capacity() + row.layers.capacity()) +
+             sizeof(int32_t) * row.source.capacity() +
+             sizeof(float) * (row.r.capacity() + row.g.capacity() + row.b.capacity());
+  }
+  return bytes;
 }
 
 }  // namespace lightstage::sim

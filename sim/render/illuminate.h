@@ -51,11 +51,17 @@ class ProjectorTransport {
  private:
   friend ProjectorTransport Illuminate(const Scene& scene, const Paths& paths,
                                        const LensLight& light, RTCScene parts);
-  int width_ = 0;
-  std::vector<uint32_t> first_;   // per camera pixel, and the end: its entries
-  std::vector<uint32_t> source_;  // per entry: the projector's pixel
-  std::vector<float>
-      rgb_;  // per entry: what it adds to the camera pixel's radiance when it is white
+  // A row of the picture as a sparse matrix in jagged diagonals (Saad, "Iterative Methods for Sparse Linear Systems", 2003, 3.4): the
+  // pixels are in order of how many entries they have, most first, and entry l of all that have so many is layer l. So the loops
+  // over a layer are long and without branches.
+  struct Row {
+    std::vector<uint32_t> pixels;  // columns of the pixels that have entries
+    std::vector<uint32_t> layers;  // how many entries each has, of the first so many pixels
+    std::vector<int32_t> source;   // per entry: the projector's pixel
+    std::vector<float> r, g,
+        b;  // per entry: what that adds to the camera pixel's radiance when it is white
+  };
+  std::vector<Row> rows_;
 };
 
 ProjectorTransport Illuminate(const Scene& scene, const Paths& paths, const LensLight& light,

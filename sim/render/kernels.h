@@ -127,6 +127,9 @@ struct Kernels {
   // By connection only: what the next rays meet is for the caller to add, with the balance heuristic.
   void (*far)(const Blockers& blockers, const VertexArrays& vertices, const FarLight& light,
               size_t count, float* r, float* g, float* b);
+  // sum_r[i] += values[source[i]] · r[i], and so on.
+  void (*gather)(const float* values, const int32_t* source, const float* r, const float* g,
+                 const float* b, size_t count, float* sum_r, float* sum_g, float* sum_b);
 };
 
 const Kernels& BaselineKernels();

@@ -4,7 +4,7 @@
 namespace lightstage::sim {
 
 const Kernels& Avx512Kernels() {
-  static constexpr Kernels kKernels{"avx512", &Triangles, &Surface, &Disc, &Lens, &Far};
+  static constexpr Kernels kKernels{"avx512", &Triangles, &Surface, &Disc, &Lens, &Far, &Gather};
   return kKernels;
 }
 

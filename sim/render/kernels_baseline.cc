@@ -3,7 +3,7 @@
 namespace lightstage::sim {
 
 const Kernels& BaselineKernels() {
-  static constexpr Kernels kKernels{"baseline", &Triangles, &Surface, &Disc, &Lens, &Far};
+  static constexpr Kernels kKernels{"baseline", &Triangles, &Surface, &Disc, &Lens, &Far, &Gather};
   return kKernels;
 }
 
