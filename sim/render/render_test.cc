@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <numbers>
+#include <random>
 
 #include "optics/pattern.h"
 #include "sim/render/parallel.h"
@@ -279,6 +280,107 @@ TEST(Transport, AllKernelsAgree) {
     }
     EXPECT_GT(lit, 1000) << usable[k]->name;
     EXPECT_LT(different, lit / 1000 + 1) << usable[k]->name << ": more than rays along an edge";
+  }
+}
+
+// Random rays onto random triangles, half of them glossy.
+struct Packets {
+  Packets() {
+    std::mt19937 random(5);
+    std::uniform_real_distribution<float> unit(0, 1);
+    auto fill = [&](auto* packet) {
+      auto* const numbers = reinterpret_cast<float*>(packet);
+      for (size_t i = 0; i < sizeof(*packet) / sizeof(float); ++i) numbers[i] = unit(random);
+    };
+    fill(&triangles);
+    fill(&samples);
+    fill(&surface);
+    for (int k = 0; k < kLanes; ++k) {
+      const Vec3f direction = Vec3f(unit(random) - 0.5f, unit(random) - 0.5f, -1).normalized();
+      rays.ray.dir_x[k] = direction.x();
+      rays.ray.dir_y[k] = direction.y();
+      rays.ray.dir_z[k] = direction.z();
+      rays.hit.u[k] = 0.5f * unit(random);
+      rays.hit.v[k] = 0.5f * unit(random);
+      if (k % 2 == 0) surface.sr.v[k] = surface.sg.v[k] = surface.sb.v[k] = 0;
+    }
+  }
+  RTCRayHit8 rays = {};
+  TrianglePacket triangles;
+  SamplePacket samples;
+  SurfacePacket surface;
+};
+
+TEST(Kernels, AgreeOnSurfaces) {
+  const Packets in;
+  auto run = [&](const Kernels& kernels) {
+    SurfacePacket surface = in.surface;
+    kernels.triangles(in.rays, in.triangles, &surface);
+    VertexPacket vertices;
+    kernels.surface(in.rays, surface, in.samples, &vertices);
+    std::vector<float> all(2 * kVertexFloats * kLanes);
+    std::memcpy(all.data(), &vertices, sizeof(vertices));
+    std::memcpy(&all[kVertexFloats * kLanes], &surface, sizeof(surface));
+    return all;
+  };
+  const std::vector<float> baseline = run(BaselineKernels());
+  const Kernels* usable[kMostKernels];
+  for (int k = 0, count = UsableKernels(usable); k < count; ++k) {
+    const std::vector<float> other = run(*usable[k]);
+    for (size_t i = 0; i < baseline.size(); ++i) {
+      EXPECT_NEAR(other[i], baseline[i], 1e-4f * (1 + std::abs(baseline[i])))
+          << usable[k]->name << ", member " << i / kLanes << " of lane " << i % kLanes;
+    }
+  }
+}
+
+TEST(Kernels, SurfacesKeepTheirTerms) {
+  const Packets in;
+  SurfacePacket surface = in.surface;
+  BestKernels().triangles(in.rays, in.triangles, &surface);
+  VertexPacket v;
+  BestKernels().surface(in.rays, surface, in.samples, &v);
+  for (int k = 0; k < kLanes; ++k) {
+    const auto corner = [k](const Lanes* c) { return Vec3f(c[0].v[k], c[1].v[k], c[2].v[k]); };
+    const TrianglePacket& t = in.triangles;
+    const Vec3f a = corner(t.a), b = corner(t.b), c = corner(t.c);
+    const Vec3f direction(in.rays.ray.dir_x[k], in.rays.ray.dir_y[k], in.rays.ray.dir_z[k]);
+    Vec3f face = (b - a).cross(c - a).normalized();
+    EXPECT_EQ(surface.side.v[k], face.dot(direction) <= 0 ? 1 : -1);
+    face *= surface.side.v[k];
+    const Vec3f point = a + in.rays.hit.u[k] * (b - a) + in.rays.hit.v[k] * (c - a);
+    EXPECT_NEAR((Vec3f(v.x.v[k], v.y.v[k], v.z.v[k]) - point).norm(), 2e-5f, 1e-6f);
+    EXPECT_LT((Vec3f(surface.fx.v[k], surface.fy.v[k], surface.fz.v[k]) - face).norm(), 1e-5f);
+    EXPECT_EQ(v.share.v[k] > 0, k % 2 == 1) << "only a glossy layer has a share";
+    const Vec3f next(v.wx.v[k], v.wy.v[k], v.wz.v[k]);
+    EXPECT_NEAR(next.norm(), 1, 1e-5f);
+    EXPECT_LE(v.disc_x.v[k] * v.disc_x.v[k] + v.disc_y.v[k] * v.disc_y.v[k], 1.00001f);
+    if (face.dot(next) <= 0) {
+      EXPECT_EQ(v.fr.v[k], 0) << "no way on through the surface";
+    }
+  }
+}
+
+TEST(Kernels, GatherAddsProducts) {
+  constexpr size_t kCount = 37;
+  std::vector<float> values(100), r(kCount), g(kCount), b(kCount);
+  std::vector<int32_t> source(kCount);
+  for (size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i);
+  for (size_t i = 0; i < kCount; ++i) {
+    source[i] = static_cast<int32_t>((i * 31) % 100);
+    r[i] = 1, g[i] = 2, b[i] = static_cast<float>(i);
+  }
+  const Kernels* usable[kMostKernels];
+  for (int k = 0, count = UsableKernels(usable); k < count; ++k) {
+    std::vector<float> sum(3 * kCount, 0.5f);
+    usable[k]->gather(values.data(), source.data(), r.data(), g.data(), b.data(), kCount, &sum[0],
+                      &sum[kCount], &sum[2 * kCount]);
+    for (size_t i = 0; i < kCount; ++i) {
+      const auto value = static_cast<float>((i * 31) % 100);
+      EXPECT_EQ(sum[i], 0.5f + value);
+      EXPECT_EQ(sum[kCount + i], 0.5f + 2 * value);
+      EXPECT_EQ(sum[2 * kCount + i], 0.5f + value * static_cast<float>(i));
+    }
   }
 }
 
