@@ -149,7 +149,7 @@ Image Illuminate(const Scene& scene, const Paths& paths, const SurroundingLight&
     }
     const FarLight far{a[0], a[1], a[2], a[3], a[4], a[5], a[6]};
     BestKernels().far({scene.handle(), nullptr}, v, far, block.count, a[7], a[8], a[9]);
-    float* const out = &image.row(block.y)[3 * size_t{block.x}];
+    const std::span<float> out = image.row(block.y).subspan(3 * static_cast<size_t>(block.x));
     for (int x = 0; x < block.width; ++x) {
       Radiance sum = Radiance::Zero();
       for (uint32_t i = block.first[x]; i < block.first[x + 1]; ++i) {

@@ -158,7 +158,7 @@ Image Illuminate(const Scene& scene, const Paths& paths, const DiscLight& light,
     BestKernels().disc({scene.handle(), parts}, vertices.arrays, light, vertices.count, add.r,
                        add.g, add.b);
     const std::vector<float> shares = Shares(paths, vertices, parts);
-    float* const out = &image.row(vertices.y)[3 * size_t{vertices.x}];
+    const std::span<float> out = image.row(vertices.y).subspan(3 * static_cast<size_t>(vertices.x));
     for (int x = 0; x < vertices.width; ++x) {
       float sum[3] = {0, 0, 0};
       for (uint32_t i = vertices.first[x]; i < vertices.first[x + 1]; ++i) {

@@ -106,7 +106,7 @@ Vec3f SetBall(const Ball& ball, const RTCRayHit8& rays, int lane, SurfacePacket*
   const double off = from.squaredNorm() - middle * middle;
   const double half = std::sqrt(std::max(0.0, double{ball.radius} * ball.radius - off));
   const bool outside = ray.tfar[lane] < middle;
-  const Vec3f outward =
+  Vec3f outward =
       (from + (outside ? middle - half : middle + half) * direction).normalized().cast<float>();
   const float side = outside ? 1.0f : -1.0f;
   const Vec3f point = ball.center + ball.radius * outward, normal = side * outward;
