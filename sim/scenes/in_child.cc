@@ -19,7 +19,8 @@ namespace {
 
 constexpr rlim_t kMostMemory = rlim_t{4} << 30;  // bytes
 constexpr rlim_t kMostTime = 60;                 // s
-constexpr char kDone = 'd', kFailed = 'f';       // the answer's first byte
+// The answer's first byte, and its last: without that it is not whole.
+constexpr char kDone = 'd', kFailed = 'f', kEnd = '.';
 
 absl::Status Ended(const std::string& how) {
   return Error(absl::StatusCode::kAborted, "CHILD", how, {{"end", how}});
@@ -32,10 +33,16 @@ rlim_t OwnMemory() {
   return static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE));
 }
 
-[[noreturn]] void Child(int to, absl::FunctionRef<absl::StatusOr<std::string>()> work) {
+[[noreturn]] void Child(pid_t parent, int to,
+                        absl::FunctionRef<absl::StatusOr<std::string>()> work) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);     // it does not outlive its parent,
+  if (::getppid() != parent) ::_exit(1);  // not even one that is gone already
+  // What else is open here is not the child's: nobody waits for its end, and no bad file gets at it.
+  ::close_range(3, static_cast<unsigned>(to) - 1, 0);
+  ::close_range(static_cast<unsigned>(to) + 1, ~0U, 0);
   const rlim_t memory = OwnMemory() + kMostMemory;
-  const rlimit space{memory, memory}, time{kMostTime, kMostTime}, none{0, 0};
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // it does not outlive its parent
+  // Over the soft limit SIGXCPU comes, which says what it was.
+  const rlimit space{memory, memory}, time{kMostTime, kMostTime + 5}, none{0, 0};
   ::setrlimit(RLIMIT_AS, &space);
   ::setrlimit(RLIMIT_CPU, &time);
   ::setrlimit(RLIMIT_CORE, &none);
@@ -48,6 +55,7 @@ rlim_t OwnMemory() {
   } catch (const std::bad_alloc&) {
     answer += "takes more than 4 GiB of memory";
   }
+  answer += kEnd;
   for (size_t done = 0; done < answer.size();) {
     const ssize_t n = ::write(to, answer.data() + done, answer.size() - done);
     if (n < 0 && errno != EINTR) break;
@@ -61,7 +69,7 @@ rlim_t OwnMemory() {
 absl::StatusOr<std::string> RunInChild(absl::FunctionRef<absl::StatusOr<std::string>()> work) {
   int ends[2];
   if (::pipe(ends) != 0) return ErrnoError(errno, "pipe", "to a child process");
-  const pid_t child = ::fork();
+  const pid_t parent = ::getpid(), child = ::fork();
   if (child < 0) {
     const int why = errno;
     ::close(ends[0]);
@@ -70,7 +78,7 @@ absl::StatusOr<std::string> RunInChild(absl::FunctionRef<absl::StatusOr<std::str
   }
   if (child == 0) {
     ::close(ends[0]);
-    Child(ends[1], work);
+    Child(parent, ends[1], work);
   }
   ::close(ends[1]);
   std::string answer;
@@ -86,12 +94,17 @@ absl::StatusOr<std::string> RunInChild(absl::FunctionRef<absl::StatusOr<std::str
   }
   if (WIFSIGNALED(status)) {
     const int signal = WTERMSIG(status);
-    return Ended(signal == SIGXCPU || signal == SIGKILL
-                     ? std::string("takes more than a minute of processor time")
-                     : absl::StrCat("cannot be read: the importer crashed on it (",
-                                    ::strsignal(signal), ")"));
+    if (signal == SIGXCPU) return Ended("takes more than a minute of processor time");
+    if (signal == SIGKILL) {
+      return Ended("cannot be read: the importer was killed, by hand or for want of memory");
+    }
+    return Ended(
+        absl::StrCat("cannot be read: the importer crashed on it (", ::strsignal(signal), ")"));
   }
-  if (answer.empty()) return Ended("cannot be read: the importer gave up without a word");
+  if (answer.size() < 2 || answer.back() != kEnd) {
+    return Ended("cannot be read: the importer gave up without a word");
+  }
+  answer.pop_back();
   if (answer[0] == kFailed) return Ended(answer.substr(1));
   answer.erase(0, 1);
   return answer;

@@ -1,6 +1,8 @@
 #include "sim/scenes/in_child.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <memory>
@@ -36,6 +38,31 @@ TEST(InChild, ACrashIsAnErrorHere) {
   });
   EXPECT_NE(answer.status().message().find("crashed on it"), std::string::npos) << answer.status();
   EXPECT_EQ(here, 1) << "it works on a copy";
+}
+
+TEST(InChild, KilledIsNotTooSlow) {
+  auto killed = RunInChild([]() -> absl::StatusOr<std::string> {
+    ::raise(SIGKILL);
+    return std::string("not reached");
+  });
+  EXPECT_NE(killed.status().message().find("was killed"), std::string::npos) << killed.status();
+  auto slow = RunInChild([]() -> absl::StatusOr<std::string> {
+    ::raise(SIGXCPU);
+    return std::string("not reached");
+  });
+  EXPECT_NE(slow.status().message().find("a minute"), std::string::npos) << slow.status();
+}
+
+TEST(InChild, HoldsNothingOfOursOpen) {
+  int ends[2];
+  ASSERT_EQ(::pipe(ends), 0);
+  auto answer = RunInChild([&]() -> absl::StatusOr<std::string> {
+    return std::string(::fcntl(ends[0], F_GETFD) < 0 && ::fcntl(ends[1], F_GETFD) < 0 ? "closed"
+                                                                                      : "open");
+  });
+  EXPECT_EQ(*answer, "closed");
+  ::close(ends[0]);
+  ::close(ends[1]);
 }
 
 TEST(InChild, MemoryIsLimited) {

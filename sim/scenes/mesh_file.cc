@@ -52,11 +52,17 @@ class FileAndBuffers final : public Assimp::IOSystem {
  private:
   const std::string* Get(const std::string& file) const {
     if (auto it = files_.find(file); it != files_.end()) return &it->second;
-    const std::filesystem::path
-        directory = std::filesystem::path(path_).parent_path().lexically_normal(),
-        relative = std::filesystem::path(file).lexically_normal().lexically_relative(directory);
-    if (!buffers_ || relative.empty() || *relative.begin() == "..") return nullptr;
-    auto bytes = env_.ReadFile((directory / relative).string());
+    if (!buffers_) return nullptr;
+    // Where links lead is what counts.
+    namespace fs = std::filesystem;
+    std::error_code error;
+    const fs::path folder = fs::weakly_canonical(fs::absolute(path_, error).parent_path(), error);
+    if (error) return nullptr;
+    const fs::path target = fs::weakly_canonical(fs::absolute(file, error), error);
+    if (error) return nullptr;
+    const fs::path relative = target.lexically_relative(folder);
+    if (relative.empty() || *relative.begin() == "..") return nullptr;
+    auto bytes = env_.ReadFile(target.string());
     if (!bytes.ok()) return nullptr;
     return &(files_[file] = *std::move(bytes));
   }
@@ -93,6 +99,11 @@ absl::Status CheckOff(const std::string& path, const std::string& bytes) {
       if (words.size() < 2 || !absl::SimpleAtoi(words[0], &vertices) ||
           !absl::SimpleAtoi(words[1], &faces)) {
         return wrong("must have the numbers of vertices and faces");
+      }
+      if (vertices > bytes.size() || faces > bytes.size()) {
+        return wrong(absl::StrCat("announces ", vertices, " vertices and ", faces,
+                                  " faces, more than the file's ", bytes.size(),
+                                  " bytes can hold"));
       }
       counted = true;
       continue;

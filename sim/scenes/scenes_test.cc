@@ -166,6 +166,8 @@ TEST_F(SceneFiles, BadMeshesAreRefusedByFileAndElement) {
   ExpectRefused(with("few.off", grey), {"few.off", "9 faces"});
   Write("many.off", "OFF\n400000000 1 0\n0 0 0\n");
   ExpectRefused(with("many.off", grey), {"many.off", "400000000"});
+  Write("sum.off", "OFF\n18446744073709551615 1 0\n0 0 0\n");  // the sum would be 0
+  ExpectRefused(with("sum.off", grey), {"sum.off: line 2", "18446744073709551615"});
   Write("long.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2" + std::string(5000, ' ') + "\n");
   ExpectRefused(with("long.off", grey), {"long.off: line 6", "longer"});
   const std::string ply =
@@ -187,6 +189,24 @@ TEST_F(SceneFiles, BadMeshesAreRefusedByFileAndElement) {
     "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
     "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":"../../../../../../etc/passwd"}]})");
   ExpectRefused(with("out.gltf", grey), {"out.gltf"});
+  // A buffer below the mesh is read, one that a link brings in from elsewhere is not.
+  const float corners[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+  const std::string bytes(reinterpret_cast<const char*>(corners), sizeof(corners));
+  fs::create_directory(directory_ / "below");
+  Write("below/real.bin", bytes);
+  Write("elsewhere.bin", bytes);
+  fs::create_symlink("../elsewhere.bin", directory_ / "below" / "link.bin");
+  auto gltf = [&](const std::string& name, const std::string& buffer) {
+    Write(name,
+          R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+    "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+    "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
+    "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":")" +
+              buffer + R"("}]})");
+    return with(name, grey);
+  };
+  EXPECT_TRUE(Load(gltf("below/real.gltf", "real.bin")).ok());
+  ExpectRefused(gltf("below/link.gltf", "link.bin"), {"link.gltf"});
   ASSERT_EQ(mkfifo((directory_ / "pipe.off").c_str(), 0600), 0);
   ExpectRefused(with("pipe.off", grey), {"pipe.off"});
   Write("inside-out.off",
