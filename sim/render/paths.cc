@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <numbers>
 #include <utility>
 
 #include "sim/render/hash.h"
@@ -91,13 +90,6 @@ float ScatteringCosine(float g, float u) {
 }
 
 constexpr uint32_t kNone = 0xffffffffu;
-
-template <class Three>
-void Put(const Three& from, uint32_t lane, Lanes* x, Lanes* y, Lanes* z) {
-  x->v[lane] = from[0];
-  y->v[lane] = from[1];
-  z->v[lane] = from[2];
-}
 
 static_assert(sizeof(VertexPacket) == kVertexFloats * sizeof(Lanes));
 

@@ -1,6 +1,7 @@
 #include "sim/render/scene.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -85,10 +86,8 @@ Vec2f SetTriangle(const Mesh& mesh, const Eigen::Affine3f* placement, const RTCR
       corner = *placement * corner;
       normal = placement->linear() * normal;
     }
-    for (int c = 0; c < 3; ++c) {
-      corners[i][c].v[lane] = corner[c];
-      normals[i][c].v[lane] = normal[c];
-    }
+    Put(corner, lane, &corners[i][0], &corners[i][1], &corners[i][2]);
+    Put(normal, lane, &normals[i][0], &normals[i][1], &normals[i][2]);
   }
   if (mesh.uvs.empty()) return Vec2f::Zero();
   const float u = rays.hit.u[lane], v = rays.hit.v[lane];
@@ -110,12 +109,9 @@ Vec3f SetBall(const Ball& ball, const RTCRayHit8& rays, int lane, SurfacePacket*
       (from + (outside ? middle - half : middle + half) * direction).normalized().cast<float>();
   const float side = outside ? 1.0f : -1.0f;
   const Vec3f point = ball.center + ball.radius * outward, normal = side * outward;
-  out->x.v[lane] = point.x();
-  out->y.v[lane] = point.y();
-  out->z.v[lane] = point.z();
-  out->fx.v[lane] = out->nx.v[lane] = normal.x();
-  out->fy.v[lane] = out->ny.v[lane] = normal.y();
-  out->fz.v[lane] = out->nz.v[lane] = normal.z();
+  Put(point, lane, &out->x, &out->y, &out->z);
+  Put(normal, lane, &out->fx, &out->fy, &out->fz);
+  Put(normal, lane, &out->nx, &out->ny, &out->nz);
   out->side.v[lane] = side;
   return outward;
 }
@@ -132,12 +128,8 @@ Rgb SetColors(const Material& material, const Vec2f& uv, int lane, SurfacePacket
     tint = material.texture({Vec3f(out->x.v[lane], out->y.v[lane], out->z.v[lane]), uv});
     ((diffuse > 0).any() ? diffuse : specular) *= tint;
   }
-  out->dr.v[lane] = diffuse[0];
-  out->dg.v[lane] = diffuse[1];
-  out->db.v[lane] = diffuse[2];
-  out->sr.v[lane] = specular[0];
-  out->sg.v[lane] = specular[1];
-  out->sb.v[lane] = specular[2];
+  Put(diffuse, lane, &out->dr, &out->dg, &out->db);
+  Put(specular, lane, &out->sr, &out->sg, &out->sb);
   out->roughness.v[lane] = material.roughness;
   return tint;
 }

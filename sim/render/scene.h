@@ -25,6 +25,14 @@ using Vec3f = Eigen::Vector3f;
 using Vec2f = Eigen::Vector2f;
 using Rgb = Eigen::Array3f;
 
+// Three numbers into a lane of a packet.
+template <class Three>
+void Put(const Three& from, uint32_t lane, Lanes* x, Lanes* y, Lanes* z) {
+  x->v[lane] = from[0];
+  y->v[lane] = from[1];
+  z->v[lane] = from[2];
+}
+
 // Where a texture is looked up.
 struct SurfacePoint {
   Vec3f position;  // object frame
