@@ -27,8 +27,6 @@ namespace {
 constexpr size_t kAlignment = 4096;
 // One write of this size keeps a disk's queue full; more only costs memory.
 constexpr size_t kDirectChunk = size_t{4} << 20;
-// More than anything that is read whole: a stream that never ends must not fill the memory.
-constexpr size_t kLargestInput = size_t{1} << 30;
 
 class Fd {
  public:
@@ -59,6 +57,12 @@ absl::Status NotRegular(const std::string& path) {
   return Error(absl::StatusCode::kFailedPrecondition, "FILE_NOT_REGULAR",
                absl::StrCat(path, " is there, but is no regular file"), {{"path", path}});
 }
+
+absl::Status TooLarge(const std::string& path, std::string_view than) {
+  return Error(absl::StatusCode::kResourceExhausted, "FILE_TOO_LARGE",
+               absl::StrCat(path, " is larger than ", than), {{"path", path}});
+}
+constexpr std::string_view kLargestInputText = "1 GiB, the most that is read";
 
 // 0 or an errno.
 int WriteFully(int fd, const char* data, size_t size) {
@@ -162,7 +166,7 @@ class PosixEnvImpl final : public Env {
       if (n < 0) return ErrnoError(errno, "read", path);
       if (n == 0) return bytes;
       bytes.append(chunk, static_cast<size_t>(n));
-      if (bytes.size() > kLargestInput) return ErrnoError(EFBIG, "read", path);
+      if (bytes.size() > kLargestInput) return TooLarge(path, kLargestInputText);
     }
   }
 
@@ -175,7 +179,11 @@ class PosixEnvImpl final : public Env {
     if (S_ISDIR(info.st_mode)) return ErrnoError(EISDIR, "read", path);
     if (!S_ISREG(info.st_mode)) return NotRegular(path);
     auto size = static_cast<uint64_t>(info.st_size);
-    std::string bytes(std::min(length, size - std::min(size, offset)), '\0');
+    const uint64_t take = std::min(length, size - std::min(size, offset));
+    const auto memory = static_cast<uint64_t>(::sysconf(_SC_PHYS_PAGES)) *
+                        static_cast<uint64_t>(::sysconf(_SC_PAGESIZE));
+    if (take > memory) return TooLarge(path, "this machine's memory");
+    std::string bytes(take, '\0');
     size_t done = 0;
     while (done < bytes.size()) {
       ssize_t n = ::pread(fd.get(), bytes.data() + done, bytes.size() - done,
@@ -346,6 +354,12 @@ Env& PosixEnv() {
   static Env& env =
       *MakePosixEnv(EnvOptions{}).release();  // never destroyed: threads may outlive main
   return env;
+}
+
+absl::StatusOr<std::string> ReadNamedFile(const std::string& path, Env& env) {
+  ASSIGN_OR_RETURN(const uint64_t size, env.FileSize(path));
+  if (size > kLargestInput) return TooLarge(path, kLargestInputText);
+  return env.ReadFile(path);
 }
 
 }  // namespace lightstage

@@ -26,6 +26,9 @@ class AppendFile {
   virtual absl::Status Sync() = 0;
 };
 
+// Bytes; more than any input that somebody means: neither a stream that never ends nor a wrong file may fill the memory.
+constexpr uint64_t kLargestInput = uint64_t{1} << 30;
+
 // Held by one process at a time, until destroyed or until the process ends, however it ends.
 class FileLock {
  public:
@@ -36,9 +39,10 @@ class Env {
  public:
   virtual ~Env() = default;
 
-  // FAILED_PRECONDITION / FILE_NOT_REGULAR of pipes and devices.
+  // FAILED_PRECONDITION / FILE_NOT_REGULAR of pipes and devices; RESOURCE_EXHAUSTED / FILE_TOO_LARGE if it is larger than the machine's memory.
   virtual absl::StatusOr<std::string> ReadFile(const std::string& path) = 0;
-  // What a user named on the command line: also a pipe, to its end. May wait for its writer.
+  // What a user named on the command line: also a pipe, to its end. May wait for its writer. RESOURCE_EXHAUSTED / FILE_TOO_LARGE
+  // if it has more than kLargestInput.
   virtual absl::StatusOr<std::string> ReadInput(const std::string& path) = 0;
   // Up to `length` bytes from `offset`; fewer only at the end of the file.
   virtual absl::StatusOr<std::string> ReadRange(const std::string& path, uint64_t offset,
@@ -78,5 +82,8 @@ std::unique_ptr<Env> MakePosixEnv(const EnvOptions& options);
 
 // The process' own, with the default options.
 Env& PosixEnv();
+
+// A regular file that an input names in its turn. RESOURCE_EXHAUSTED / FILE_TOO_LARGE if it has more than kLargestInput.
+absl::StatusOr<std::string> ReadNamedFile(const std::string& path, Env& env);
 
 }  // namespace lightstage

@@ -63,6 +63,20 @@ TEST_P(EnvTest, ReadRange) {
   EXPECT_EQ(env_->ReadRange(Path("f"), 40, 4).value(), "");
 }
 
+TEST_P(EnvTest, FilesThatNoMemoryHoldsAreRefused) {
+  ASSERT_TRUE(env_->WriteFile(Path("f"), "0123456789").ok());
+  std::filesystem::resize_file(Path("f"), uint64_t{1} << 40);  // no block more on the disk
+  EXPECT_EQ(env_->ReadRange(Path("f"), 3, 4).value(), "3456");
+  for (const absl::Status& status :
+       {env_->ReadFile(Path("f")).status(), env_->ReadInput(Path("f")).status(),
+        ReadNamedFile(Path("f"), *env_).status()}) {
+    EXPECT_EQ(ErrorReason(status), "FILE_TOO_LARGE") << status;
+    EXPECT_THAT(status.message(), testing::HasSubstr(Path("f"))) << status;
+  }
+  std::filesystem::resize_file(Path("f"), kLargestInput + 1);
+  EXPECT_EQ(ErrorReason(ReadNamedFile(Path("f"), *env_).status()), "FILE_TOO_LARGE");
+}
+
 TEST_P(EnvTest, ParallelWritersOfOnePathLeaveOneWholeFile) {
   std::vector<std::thread> threads;
   for (char c : {'a', 'b', 'c'}) {

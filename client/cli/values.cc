@@ -148,6 +148,10 @@ absl::StatusOr<v1::Pattern> ParsePattern(const std::string& text) {
         "'", words[0], "' is no pattern: give black, full, square, horizontal or vertical first"));
   }
   pattern.set_arrangement(arrangement);
+  if (words.size() > 1 && (arrangement == v1::PATTERN_ARRANGEMENT_FULL ||
+                           arrangement == v1::PATTERN_ARRANGEMENT_BLACK)) {
+    return UsageError(absl::StrCat("'", words[1], "': ", words[0], " covers the whole picture"));
+  }
   for (size_t i = 1; i < words.size(); ++i) {
     std::vector<std::string> sides = absl::StrSplit(words[i], absl::MaxSplits('=', 1));
     if (sides.size() == 2 && sides[0] == "profile") {
@@ -155,13 +159,12 @@ absl::StatusOr<v1::Pattern> ParsePattern(const std::string& text) {
       pattern.set_profile(profile);
       continue;
     }
-    auto value = ParseInteger(sides.back());
-    if (sides.size() == 2 && value.ok()) {
-      auto field = kPatternFields.find(sides[0]);
-      if (field != kPatternFields.end()) {
-        (pattern.*field->second)(*value);
-        continue;
-      }
+    auto field = kPatternFields.find(sides[0]);
+    if (sides.size() == 2 && field != kPatternFields.end()) {
+      auto value = ParseInteger(sides[1]);
+      if (!value.ok()) return UsageError(absl::StrCat(sides[0], ": ", MessageOf(value.status())));
+      (pattern.*field->second)(*value);
+      continue;
     }
     return UsageError(absl::StrCat("'", words[i],
                                    "' says nothing about a pattern: give grid=N, column=N, row=N, "

@@ -84,10 +84,16 @@ TEST(ParsePattern, TakesAnArrangementAndItsFields) {
   EXPECT_EQ(pattern->influence(), 2);
   EXPECT_EQ(pattern->profile(), v1::PATTERN_PROFILE_HAT);
   EXPECT_EQ(ParsePattern("full")->grid(), 16);
-  for (const char* text : {"", "unspecified", "grid=16", "square,grid", "square,grid=x",
-                           "square,colour=3", "square,profile=round", "square,7"}) {
+  for (const char* text :
+       {"", "unspecified", "grid=16", "square,grid", "square,grid=x", "square,colour=3",
+        "square,profile=round", "square,7", "full,grid=3", "black,profile=box"}) {
     EXPECT_EQ(Reason(ParsePattern(text)), "USAGE") << text;
   }
+}
+
+TEST(ParsePattern, SaysWhichNumberIsWrong) {
+  EXPECT_THAT(ParsePattern("square,grid=4294967298").status().message(),
+              testing::HasSubstr("grid: '4294967298' is no whole number"));
 }
 
 TEST(ParseRun, TakesNamesAndIds) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <climits>
+#include <exception>
 #include <list>
 #include <thread>
 
@@ -31,6 +32,7 @@ class Pool {
     MutexLock lock(&mutex_);
     jobs_.remove(&job);
     while (job.helpers > 0) done_.Wait(&mutex_);
+    if (job.thrown != nullptr) std::rethrow_exception(job.thrown);
   }
 
   void SetLimit(int threads) {
@@ -44,7 +46,8 @@ class Pool {
     int count;
     absl::FunctionRef<void(int)> body;
     std::atomic<int> next{0};
-    int helpers = 0;  // under mutex_
+    int helpers = 0;            // under mutex_
+    std::exception_ptr thrown;  // under mutex_
   };
 
   Pool() {
@@ -52,8 +55,14 @@ class Pool {
     for (int i = 1; i < std::max(cores, 2); ++i) std::thread([this, i] { Help(i); }).detach();
   }
 
-  static void Work(Job& job) {
-    for (int i; (i = job.next.fetch_add(1, std::memory_order_relaxed)) < job.count;) job.body(i);
+  void Work(Job& job) {
+    try {
+      for (int i; (i = job.next.fetch_add(1, std::memory_order_relaxed)) < job.count;) job.body(i);
+    } catch (...) {
+      job.next = job.count;  // none are left to begin
+      MutexLock lock(&mutex_);
+      if (job.thrown == nullptr) job.thrown = std::current_exception();
+    }
   }
 
   void Help(int index) {

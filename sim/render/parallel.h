@@ -9,7 +9,8 @@
 namespace lightstage::sim {
 
 // Calls body(i) once for every i in [0, count), on this thread and on those of a pool that the process shares, and returns when all
-// are done. Which thread does which must not matter. May be called from any number of threads, and from a body.
+// are done. Which thread does which must not matter. May be called from any number of threads, and from a body. What a body throws,
+// the first if there are several, is thrown here; some calls are then not made.
 void ForAll(int count, absl::FunctionRef<void(int)> body);
 
 // While one lives, the pool's other threads take no new work if `threads` is 1, and all but so many − 1 of them otherwise. For

@@ -565,14 +565,17 @@ void Vertices::Store(Slabs* slabs, Paths::Block* block) {
 
 size_t EstimatePathBytes(const Scene& scene, const CameraGeometry& camera, int width, int height,
                          const PathOptions& options) {
-  // How many vertices paths have depends on the scene: a few are traced.
-  constexpr int kAcross = 24, kDown = 18;
-  PathOptions few = options;
-  few.samples = 1;
-  const Paths paths(scene, camera, kAcross, kDown, few);
+  // How many vertices paths have depends on the scene: a few are traced, of a picture with the same sides to one another.
+  constexpr int kFew = 432;
+  const auto across = static_cast<int>(std::clamp(
+      std::lround(std::sqrt(static_cast<double>(kFew) * width / height)), 1L, long{kFew}));
+  const int down = std::max(kFew / across, 1);
+  PathOptions one = options;
+  one.samples = 1;
+  const Paths paths(scene, camera, across, down, one);
   double vertices = 0;
   for (const Paths::Block& block : paths.blocks()) vertices += block.first.back();
-  const double per_path = vertices / (kAcross * kDown) * kVertexFloats * sizeof(float);
+  const double per_path = vertices / (across * down) * kVertexFloats * sizeof(float);
   return static_cast<size_t>(per_path * width * height * options.samples);
 }
 

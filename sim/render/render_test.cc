@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
+#include <new>
 #include <numbers>
 #include <random>
 
@@ -224,6 +226,28 @@ TEST(Projector, SquaresAddUpToFull) {
     }
     for (size_t i = 0; i < sum.pixels().size(); ++i) {
       ASSERT_NEAR(sum.pixels()[i], full.pixels()[i], 1e-5 * (1 + full.pixels()[i]));
+    }
+  }
+}
+
+TEST(ForAll, ThrowsWhatABodyThrows) {
+  for (int threads : {1, 2, 5}) {
+    ThreadLimit limit(threads);
+    for (int round = 0; round < 200; ++round) {
+      std::atomic<int> made{0};
+      try {
+        ForAll(100, [&](int i) {
+          ++made;
+          if (i % 7 == 3) throw std::bad_alloc();
+        });
+        ADD_FAILURE() << "nothing was thrown";
+      } catch (const std::bad_alloc&) {
+      }
+      EXPECT_GT(made, 0);
+      // The pool has forgotten it.
+      std::atomic<int> sum{0};
+      ForAll(100, [&](int i) { sum += i; });
+      ASSERT_EQ(sum, 4950);
     }
   }
 }

@@ -71,6 +71,15 @@ SensorOptions ParseSensor(const TomlTable& table) {
   return s;
 }
 
+// 0, which says that there is none, or from lo to hi.
+double ZeroOr(const TomlTable& table, const char* key, double lo, double hi) {
+  const double value = table.Double(key, 0, hi, 0);
+  if (value > 0 && value < lo) {
+    table.ErrorAt(key, absl::StrCat("must be 0, or from ", lo, " to ", hi));
+  }
+  return value;
+}
+
 LampOptions ParseLampOptions(const TomlTable& table) {
   LampOptions o;
   o.intensity_w_sr = table.Double("intensity_w_sr", 0, 1e6, o.intensity_w_sr);
@@ -92,14 +101,9 @@ ProjectorOptics ParseProjectorOptics(const TomlTable& table) {
   ProjectorOptics o;
   o.intensity_w_sr = table.Double("intensity_w_sr", 0, 1e6, o.intensity_w_sr);
   o.lens_radius_m = table.Double("lens_radius_m", 0, 1, 0);
-  o.focus_m = table.Double("focus_m", 0, 100, 0);
-  if (o.focus_m > 0 && o.focus_m < 0.01) {
-    table.ErrorAt("focus_m", "must be 0, for the plane through the origin, or from 0.01 to 100");
-  }
+  o.focus_m = ZeroOr(table, "focus_m", 0.01, 100);
   o.gamma = table.Double("gamma", 0.1, 10, 1);
-  const double contrast = table.Double("contrast", 0, 1e9, 0);
-  if (contrast > 0 && contrast < 2)
-    table.ErrorAt("contrast", "must be 0, for a black that is dark, or from 2 to 1e9");
+  const double contrast = ZeroOr(table, "contrast", 2, 1e9);
   o.black = contrast > 0 ? 1 / contrast : 0;
   o.vignetting = table.Double("vignetting", 0, 1, 0);
   return o;
@@ -131,15 +135,13 @@ WorldOptions ParseSimulation(const TomlTable& table) {
   o.lamps = ParseLampOptions(table.Table("lamps"));
   o.projector = ParseProjectorOptics(table.Table("projector"));
   const TomlTable parts = table.Table("parts");
-  o.parts.camera_body = parts.Double("camera_body_m", 0, 10, 0);
-  o.parts.brace_bar = parts.Double("brace_bar_m", 0, 10, 0);
-  o.parts.projector_body = parts.Double("projector_body_m", 0, 10, 0);
-  o.parts.gantry_bar = parts.Double("gantry_bar_m", 0, 10, 0);
+  o.parts.camera_body = ZeroOr(parts, "camera_body_m", 1e-4, 10);
+  o.parts.brace_bar = ZeroOr(parts, "brace_bar_m", 1e-4, 10);
+  o.parts.projector_body = ZeroOr(parts, "projector_body_m", 1e-4, 10);
+  o.parts.gantry_bar = ZeroOr(parts, "gantry_bar_m", 1e-4, 10);
   const TomlTable lens = table.Table("lens");
   o.lens.vignetting = lens.Double("vignetting", 0, 1, 0);
-  o.lens.blur_px = lens.Double("blur_px", 0, 20, 0);
-  if (o.lens.blur_px > 0 && o.lens.blur_px < 0.05)
-    lens.ErrorAt("blur_px", "must be 0, or from 0.05 to 20");
+  o.lens.blur_px = ZeroOr(lens, "blur_px", 0.05, 20);
   o.sensor = ParseSensor(table.Table("sensor"));
   o.faults = ParseFaults(table.Table("faults"));
   return o;

@@ -291,6 +291,16 @@ TEST(World, APictureThatIsTooLargeIsRefusedWithTheFigure) {
   EXPECT_NE(status.message().find("4096 MB"), std::string::npos) << status;
 }
 
+TEST(World, OnlyLampsThatThereAreCanBeDim) {
+  VirtualClock clock;
+  WorldOptions options;
+  options.lamps.dim[3] = 0.5;
+  const absl::Status status = World::Create(options, Rig(), clock).status();
+  EXPECT_EQ(ErrorReason(status), "LAMP_UNKNOWN") << status;
+  EXPECT_NE(status.message().find("lamp 3 does not exist: this rig has 3 lamps"), std::string::npos)
+      << status;
+}
+
 // Long paths in a white medium take what they take, not what short ones would.
 TEST(World, PathsInAMediumCount) {
   WorldOptions few, many;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <new>
 #include <numbers>
 #include <utility>
 
@@ -242,7 +243,7 @@ std::vector<LightTerm> World::TermsLocked(TimePoint start, TimePoint end, int ro
 }
 
 absl::StatusOr<Image> World::Render(const std::vector<LightTerm>& terms, Duration exposure,
-                                    FilmSize size) {
+                                    FilmSize size) try {
   Image sum(size.width, size.height, 3);
   // `image`, of a light of this colour, times what is open of it per row.
   auto add = [&](const Image& image, std::span<const float> rows,
@@ -277,6 +278,12 @@ absl::StatusOr<Image> World::Render(const std::vector<LightTerm>& terms, Duratio
   }
   PassLens(options_.lens, &sum);
   return sum;
+} catch (const std::bad_alloc&) {
+  return Error(absl::StatusCode::kResourceExhausted, "MEMORY",
+               absl::StrFormat("there is no memory left for the light of a simulated camera of "
+                               "%d x %d pixels: make the sensor, samples, bounces or [simulation] "
+                               "cache_mb smaller",
+                               size.width, size.height));
 }
 
 absl::StatusOr<std::vector<LightTerm>> World::Terms(TimePoint start, TimePoint end,
@@ -343,13 +350,17 @@ void World::Prefetch(FilmSize size) {
     const TimePoint now = clock_->Now();
     terms = TermsLocked(now - std::chrono::microseconds(1), now, 1);
   }
-  for (const LightTerm& term : terms) {
-    if (term.moving) continue;
-    if (term.lamp < 0) {
-      transport_.Projector(size, term.pose, Keep::kYes);
-    } else {
-      transport_.Lamp(size, term.pose, term.lamp, Keep::kYes);
+  try {
+    for (const LightTerm& term : terms) {
+      if (term.moving) continue;
+      if (term.lamp < 0) {
+        transport_.Projector(size, term.pose, Keep::kYes);
+      } else {
+        transport_.Lamp(size, term.pose, term.lamp, Keep::kYes);
+      }
     }
+  } catch (const std::bad_alloc&) {
+    // The exposure that needs it says so.
   }
 }
 

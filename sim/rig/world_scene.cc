@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "base/status.h"
 #include "sim/render/rig_parts.h"
 #include "sim/scenes/scenes.h"
@@ -9,6 +10,12 @@
 namespace lightstage::sim {
 
 absl::StatusOr<Scene> MakeWorldScene(const WorldOptions& options, const RigGeometry& geometry) {
+  const auto lamps = static_cast<int>(geometry.brace.lamps.size());
+  if (!options.lamps.dim.empty() && options.lamps.dim.rbegin()->first >= lamps) {
+    return Error(absl::StatusCode::kInvalidArgument, "LAMP_UNKNOWN",
+                 absl::StrCat("[[simulation.lamps.dim]] lamp ", options.lamps.dim.rbegin()->first,
+                              " does not exist: this rig has ", lamps, " lamps"));
+  }
   ASSIGN_OR_RETURN(SceneDescription description, LoadScene(options.scene, options.scene_directory));
   for (Mesh& mesh : CameraBody(geometry.camera, options.parts)) {
     mesh.material = static_cast<int>(description.materials.size());

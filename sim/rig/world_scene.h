@@ -9,7 +9,8 @@
 
 namespace lightstage::sim {
 
-// The object and the camera's body. The scene's own errors; FAILED_PRECONDITION / INSIDE_OBJECT if the camera stands in an object.
+// The object and the camera's body. The scene's own errors; INVALID_ARGUMENT / LAMP_UNKNOWN if the options
+// dim a lamp that the rig does not have; FAILED_PRECONDITION / INSIDE_OBJECT if the camera stands in an object.
 absl::StatusOr<Scene> MakeWorldScene(const WorldOptions& options, const RigGeometry& geometry);
 
 LensOptions LensOf(const ProjectorOptics& optics, const ProjectorGeometry& projector);

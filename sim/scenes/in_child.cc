@@ -5,6 +5,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
@@ -17,6 +19,7 @@
 namespace lightstage::sim {
 namespace {
 
+constexpr std::array kCrashes = {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL};
 constexpr rlim_t kMostMemory = rlim_t{4} << 30;  // bytes
 constexpr rlim_t kMostTime = 60;                 // s
 // The answer's first byte, and its last: without that it is not whole.
@@ -47,7 +50,7 @@ rlim_t OwnMemory() {
   ::setrlimit(RLIMIT_CPU, &time);
   ::setrlimit(RLIMIT_CORE, &none);
   // What the process does at its end is not the child's to do.
-  for (int signal : {SIGSEGV, SIGABRT, SIGBUS, SIGFPE, SIGILL}) ::signal(signal, SIG_DFL);
+  for (int signal : kCrashes) ::signal(signal, SIG_DFL);
   std::string answer(1, kFailed);
   try {
     absl::StatusOr<std::string> result = work();
@@ -90,6 +93,7 @@ absl::StatusOr<std::string> RunInChild(absl::FunctionRef<absl::StatusOr<std::str
   }
   ::close(ends[0]);
   int status = 0;
+  // If this process ignores its children's ends there is no status, and the answer alone says whether it is whole.
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
   if (WIFSIGNALED(status)) {
@@ -98,8 +102,10 @@ absl::StatusOr<std::string> RunInChild(absl::FunctionRef<absl::StatusOr<std::str
     if (signal == SIGKILL) {
       return Ended("cannot be read: the importer was killed, by hand or for want of memory");
     }
-    return Ended(
-        absl::StrCat("cannot be read: the importer crashed on it (", ::strsignal(signal), ")"));
+    const bool crashed = std::find(kCrashes.begin(), kCrashes.end(), signal) != kCrashes.end();
+    return Ended(absl::StrCat("cannot be read: the importer ",
+                              crashed ? "crashed on it" : "was ended", " (", ::strsignal(signal),
+                              ")"));
   }
   if (answer.size() < 2 || answer.back() != kEnd) {
     return Ended("cannot be read: the importer gave up without a word");

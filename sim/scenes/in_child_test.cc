@@ -53,6 +53,29 @@ TEST(InChild, KilledIsNotTooSlow) {
   EXPECT_NE(slow.status().message().find("a minute"), std::string::npos) << slow.status();
 }
 
+TEST(InChild, EndedByHandIsNoCrash) {
+  auto ended = RunInChild([]() -> absl::StatusOr<std::string> {
+    ::raise(SIGTERM);
+    return std::string("not reached");
+  });
+  EXPECT_NE(ended.status().message().find("was ended (Terminated)"), std::string::npos)
+      << ended.status();
+}
+
+// As a process has it whose parent did.
+TEST(InChild, WorksWhereEndsOfChildrenAreIgnored) {
+  auto* const before = ::signal(SIGCHLD, SIG_IGN);
+  auto whole = RunInChild([]() -> absl::StatusOr<std::string> { return std::string("whole"); });
+  auto crashed = RunInChild([]() -> absl::StatusOr<std::string> {
+    ::raise(SIGSEGV);
+    return std::string("not reached");
+  });
+  ::signal(SIGCHLD, before);
+  ASSERT_TRUE(whole.ok()) << whole.status();
+  EXPECT_EQ(*whole, "whole");
+  EXPECT_EQ(ErrorReason(crashed.status()), "CHILD") << crashed.status();
+}
+
 TEST(InChild, HoldsNothingOfOursOpen) {
   int ends[2];
   ASSERT_EQ(::pipe(ends), 0);

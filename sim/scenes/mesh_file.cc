@@ -11,12 +11,16 @@
 #include <assimp/Importer.hpp>
 #include <cmath>
 #include <cstring>
+#include <exception>
 #include <filesystem>
 #include <map>
+#include <new>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
@@ -29,6 +33,21 @@ namespace {
 absl::Status Wrong(const std::string& path, const std::string& why) {
   return Error(absl::StatusCode::kInvalidArgument, "MESH", absl::StrCat(path, ": ", why),
                {{"file", path}});
+}
+
+// glTF names files by URI, where a blank is %20 (RFC 3986, section 2.1).
+std::string Unescaped(const std::string& uri) {
+  std::string out;
+  for (size_t i = 0; i < uri.size(); ++i) {
+    if (uri[i] == '%' && i + 2 < uri.size() && absl::ascii_isxdigit(uri[i + 1]) &&
+        absl::ascii_isxdigit(uri[i + 2])) {
+      out += absl::HexStringToBytes(uri.substr(i + 1, 2));
+      i += 2;
+    } else {
+      out += uri[i];
+    }
+  }
+  return out;
 }
 
 // What the importer may read: the file, whose bytes are here already, and for glTF its buffers beside it. Nothing else on the disk,
@@ -58,13 +77,15 @@ class FileAndBuffers final : public Assimp::IOSystem {
     std::error_code error;
     const fs::path folder = fs::weakly_canonical(fs::absolute(path_, error).parent_path(), error);
     if (error) return nullptr;
-    const fs::path target = fs::weakly_canonical(fs::absolute(file, error), error);
-    if (error) return nullptr;
-    const fs::path relative = target.lexically_relative(folder);
-    if (relative.empty() || *relative.begin() == "..") return nullptr;
-    auto bytes = env_.ReadFile(target.string());
-    if (!bytes.ok()) return nullptr;
-    return &(files_[file] = *std::move(bytes));
+    for (const std::string& name : {file, Unescaped(file)}) {  // mostly the same
+      const fs::path target = fs::weakly_canonical(fs::absolute(name, error), error);
+      if (error) return nullptr;
+      const fs::path relative = target.lexically_relative(folder);
+      if (relative.empty() || *relative.begin() == "..") continue;
+      auto bytes = ReadNamedFile(target.string(), env_);
+      if (bytes.ok()) return &(files_[file] = *std::move(bytes));
+    }
+    return nullptr;
   }
 
   const std::string path_;
@@ -195,6 +216,17 @@ Vec3f ToVec(const aiVector3D& v, bool y_up) {
   return y_up ? Vec3f(v.x, -v.z, v.y) : Vec3f(v.x, v.y, v.z);
 }
 
+// The importer catches what RunInChild knows better what to say of.
+void PassOnBadAlloc(const std::exception_ptr& thrown) {
+  if (thrown == nullptr) return;
+  try {
+    std::rethrow_exception(thrown);
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception&) {
+  }
+}
+
 // The importer's part, in the child.
 absl::StatusOr<Mesh> Import(const std::string& path, const std::string& extension,
                             const std::string& bytes, uint64_t faces, Angle crease, Env& env) {
@@ -217,8 +249,10 @@ absl::StatusOr<Mesh> Import(const std::string& path, const std::string& extensio
                                          aiProcess_SortByPType | aiProcess_GenSmoothNormals |
                                          aiProcess_JoinIdenticalVertices);
   }
-  if (scene == nullptr)
+  if (scene == nullptr) {
+    PassOnBadAlloc(importer.GetException());
     return Wrong(path, absl::StrCat("cannot be read: ", importer.GetErrorString()));
+  }
   const bool y_up = extension == ".gltf" || extension == ".glb";
   Mesh mesh;
   mesh.name = path;
@@ -268,10 +302,17 @@ const char* Take(const char* from, size_t count, std::vector<T>* values) {
   return from + count * sizeof(T);
 }
 
-Mesh Unpack(const std::string& bytes) {
+// None if the bytes are no mesh: the child may have come to harm.
+std::optional<Mesh> Unpack(const std::string& bytes) {
   Mesh mesh;
-  std::vector<uint64_t> counts;
-  const char* at = Take(bytes.data(), 3, &counts);
+  std::vector<uint64_t> counts(3);
+  if (bytes.size() < counts.size() * sizeof(uint64_t)) return {};
+  const char* at = Take(bytes.data(), counts.size(), &counts);
+  if (*std::max_element(counts.begin(), counts.end()) > bytes.size() ||
+      bytes.size() != counts.size() * sizeof(uint64_t) + counts[0] * 2 * sizeof(Vec3f) +
+                          counts[1] * sizeof(Vec2f) + counts[2] * sizeof(mesh.triangles[0])) {
+    return {};
+  }
   at = Take(at, counts[0], &mesh.vertices);
   at = Take(at, counts[0], &mesh.normals);
   at = Take(at, counts[1], &mesh.uvs);
@@ -289,7 +330,7 @@ absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
     return Wrong(path, "must end with .off, .obj, .ply, .gltf or .glb");
   }
   // A regular file, for the importer would wait for a pipe.
-  ASSIGN_OR_RETURN(const std::string bytes, env.ReadFile(path));
+  ASSIGN_OR_RETURN(const std::string bytes, ReadNamedFile(path, env));
   uint64_t faces = 0;
   if (extension == ".off") RETURN_IF_ERROR(CheckOff(path, bytes));
   if (extension == ".ply") {
@@ -306,9 +347,10 @@ absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
                ? Error(absl::StatusCode::kInvalidArgument, "MESH", why, {{"file", path}})
                : Wrong(path, why);
   }
-  Mesh mesh = Unpack(*packed);
-  mesh.name = path;
-  return mesh;
+  std::optional<Mesh> mesh = Unpack(*packed);
+  if (!mesh.has_value()) return Wrong(path, "cannot be read: the importer's answer is no mesh");
+  mesh->name = path;
+  return *std::move(mesh);
 }
 
 }  // namespace lightstage::sim

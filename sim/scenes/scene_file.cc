@@ -109,7 +109,7 @@ class Reader {
     const float size = from == "uv" ? 1.0f : static_cast<float>(table.Double("size_m", 1e-4, 100));
     absl::StatusOr<Image> picture = ReadTexture((directory_ / file).string(), env_);
     if (!picture.ok()) {
-      if (!file.empty()) table.ErrorAt("file", MessageOf(picture.status()));
+      if (table.Has("file")) table.ErrorAt("file", MessageOf(picture.status()));
       return {};
     }
     auto shared =
@@ -161,7 +161,7 @@ class Reader {
     for (const TomlTable& at : table.Tables("copy")) copies.push_back(Placement(at));
     absl::StatusOr<Mesh> mesh = ReadMesh((directory_ / file).string(), crease, env_);
     if (!mesh.ok()) {
-      if (!file.empty()) table.ErrorAt("file", MessageOf(mesh.status()));
+      if (table.Has("file")) table.ErrorAt("file", MessageOf(mesh.status()));
       return;
     }
     if (mesh->uvs.empty()) RequireUv(table, "this mesh");

@@ -207,6 +207,19 @@ TEST_F(SceneFiles, BadMeshesAreRefusedByFileAndElement) {
   };
   EXPECT_TRUE(Load(gltf("below/real.gltf", "real.bin")).ok());
   ExpectRefused(gltf("below/link.gltf", "link.bin"), {"link.gltf"});
+  Write("below/a b.bin", bytes);
+  EXPECT_TRUE(Load(gltf("below/blank.gltf", "a%20b.bin")).ok());
+  EXPECT_TRUE(Load(gltf("below/plain.gltf", "a b.bin")).ok());
+  ExpectRefused(gltf("below/escaped.gltf", "%2e%2e/elsewhere.bin"), {"escaped.gltf"});
+  // Larger than any memory, and nothing on the disk.
+  Write("below/huge.bin", bytes);
+  Write("huge.off", kTetrahedron);
+  for (const char* huge : {"below/huge.bin", "huge.off"}) {
+    fs::resize_file(directory_ / huge, uint64_t{1} << 40);
+  }
+  ExpectRefused(with("huge.off", grey), {"huge.off", "1 GiB"});
+  ExpectRefused(gltf("below/huge.gltf", "huge.bin"), {"huge.gltf"});
+  ExpectRefused(with("", grey), {"[mesh[0]] file"});
   ASSERT_EQ(mkfifo((directory_ / "pipe.off").c_str(), 0600), 0);
   ExpectRefused(with("pipe.off", grey), {"pipe.off"});
   Write("inside-out.off",
@@ -333,6 +346,25 @@ TEST(Scenes, MeshesFaceOutward) {
       EXPECT_GT(mesh.name == "walls" ? -volume : volume, 0);
       EXPECT_LT(against, static_cast<int>(mesh.triangles.size() / 50 + 1));
     }
+  }
+}
+
+// What paths take is known before they are traced, also of narrow pictures and of media, where paths are long.
+TEST(Scenes, PathsTakeTheMemoryThatWasEstimated) {
+  auto scene = Scene::Build(*LoadScene("materials", ""));
+  ASSERT_TRUE(scene.ok());
+  const CameraGeometry camera{Vec3(0, -1.1, 0.55), Vec3(0, 0, 0.075), Degrees(17)};
+  const PathOptions options{.samples = 2, .bounces = 1000};
+  for (const auto& [width, height] :
+       {std::pair(160, 120), std::pair(800, 10), std::pair(10, 300)}) {
+    size_t vertices = 0;
+    const Paths paths(*scene, camera, width, height, options);
+    for (const Paths::Block& block : paths.blocks()) vertices += block.first.back();
+    const auto taken = static_cast<double>(vertices * kVertexFloats * sizeof(float));
+    const auto estimated =
+        static_cast<double>(EstimatePathBytes(*scene, camera, width, height, options));
+    EXPECT_GT(estimated / taken, 0.7) << width << "x" << height;
+    EXPECT_LT(estimated / taken, 1.4) << width << "x" << height;
   }
 }
 

@@ -53,7 +53,7 @@ absl::StatusOr<Image> DecodePng(const std::string& bytes, const std::string& pat
 }  // namespace
 
 absl::StatusOr<Image> ReadTexture(const std::string& path, Env& env) {
-  ASSIGN_OR_RETURN(std::string bytes, env.ReadFile(path));
+  ASSIGN_OR_RETURN(std::string bytes, ReadNamedFile(path, env));
   if (!path.ends_with(".exr")) return DecodePng(bytes, path);
   ASSIGN_OR_RETURN(Image picture, DecodeExr(bytes, path));
   Image image(picture.width(), picture.height(), 3);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <new>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
@@ -39,7 +40,7 @@ SCENE is the name of a scene of the simulator or a scene file (.toml); default: 
 [simulation] says.
 The picture is radiance, W/(m²·sr), as it comes to the rig file's camera: without the camera's lens
 and sensor, and without ambient light. MAP is a latitude-longitude
-OpenEXR picture of radiance, as relight env takes it.
+OpenEXR picture of radiance, as relight env takes it; what is below 0 in it does not shine.
 
 Exit codes: 0 done, 1 failed, 2 the command line cannot be read)";
 
@@ -255,7 +256,7 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
   const CLI::Validator not_empty(
       [](const std::string& text) { return std::string(text.empty() ? "is empty" : ""); }, "");
   auto* light = app.add_option_group("light", "What shines; one of them");
-  light->add_option("--lamp", flags.lamp, "This lamp at level 1")->check(CLI::NonNegativeNumber);
+  light->add_option("--lamp", flags.lamp, "This lamp at level 1")->check(CLI::Range(0, 65535));
   light
       ->add_option("--pattern", flags.pattern,
                    "The projector, e.g. full or square,grid=16,column=3,row=8")
@@ -281,7 +282,7 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
       ->check(CLI::Range(0, kMostBounces))
       ->capture_default_str();
   app.add_option("--seed", flags.seed, "Of the noise")
-      ->check(CLI::NonNegativeNumber)
+      ->check(CLI::Range(uint64_t{0}, uint64_t{INT64_MAX}))
       ->capture_default_str();
   app.add_option("--size", flags.size, "WIDTHxHEIGHT; default: the rig file's camera");
   app.add_option("--out", flags.out, "The picture (OpenEXR, linear float)")->required();
@@ -291,7 +292,13 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
   } catch (const CLI::ParseError& e) {
     return app.exit(e, out, err) == 0 ? 0 : 2;
   }
-  absl::Status rendered = Render(flags, out, err, err_is_terminal);
+  absl::Status rendered;
+  try {
+    rendered = Render(flags, out, err, err_is_terminal);
+  } catch (const std::bad_alloc&) {
+    rendered = Error(absl::StatusCode::kResourceExhausted, "MEMORY",
+                     "there is not enough memory: make the picture or --bounces smaller");
+  }
   if (rendered.ok()) return 0;
   err << "lightstage-render: " << MessageOf(rendered) << "\n";
   return ErrorReason(rendered) == "USAGE" ? 2 : 1;

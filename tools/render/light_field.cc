@@ -23,7 +23,7 @@ Vec3 ToVec(const std::vector<double>& v) {
 absl::StatusOr<IncidentLightField> ReadLightField(const std::string& directory) {
   const std::filesystem::path folder(directory);
   const std::string index = (folder / "light_field.toml").string();
-  ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadFile(index));
+  ASSIGN_OR_RETURN(std::string text, ReadNamedFile(index, PosixEnv()));
   ASSIGN_OR_RETURN(TomlDocument document, TomlDocument::Parse(text, index));
   const TomlTable& table = document.root();
   const int columns = static_cast<int>(table.Int("columns", 1, 64)),
