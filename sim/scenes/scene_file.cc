@@ -88,6 +88,13 @@ class Reader {
     return m;
   }
 
+  // "" after an error.
+  static std::string FileOf(const TomlTable& table) {
+    std::string file = table.String("file");
+    if (file.empty() && table.Has("file")) table.ErrorAt("file", "must be the name of a file");
+    return file;
+  }
+
   Texture ReadTextureTable(const TomlTable& table) {
     const std::string kind = table.OneOf("kind", {"picture", "checker", "wood"}, "picture");
     if (kind == "wood") return Wood;
@@ -102,14 +109,15 @@ class Reader {
         return Rgb(Rgb::Constant(sum % 2 == 0 ? 1.0f : dark));
       };
     }
-    const std::string file = table.String("file");
+    const std::string file = FileOf(table);
     const std::string from = table.OneOf("projection", {"uv", "xy", "xz", "yz"}, "uv");
     const auto repeat = static_cast<float>(table.Double("repeat", 1e-3, 1e3, 1));
     // Of the object frame's coordinates: a texture as large as this.
     const float size = from == "uv" ? 1.0f : static_cast<float>(table.Double("size_m", 1e-4, 100));
+    if (file.empty()) return {};
     absl::StatusOr<Image> picture = ReadTexture((directory_ / file).string(), env_);
     if (!picture.ok()) {
-      if (table.Has("file")) table.ErrorAt("file", MessageOf(picture.status()));
+      table.ErrorAt("file", MessageOf(picture.status()));
       return {};
     }
     auto shared =
@@ -149,7 +157,7 @@ class Reader {
   }
 
   void ReadMeshTable(const TomlTable& table) {
-    const std::string file = table.String("file");
+    const std::string file = FileOf(table);
     const Angle crease = Degrees(table.Double("crease_deg", 0, 175, 60));
     const bool by_size = table.Has("size_m");
     const double size = by_size ? table.Double("size_m", 1e-4, 100) : 0;
@@ -159,9 +167,10 @@ class Reader {
     const int material = MaterialOf(table);
     std::vector<Eigen::Affine3f> copies;
     for (const TomlTable& at : table.Tables("copy")) copies.push_back(Placement(at));
+    if (file.empty()) return;
     absl::StatusOr<Mesh> mesh = ReadMesh((directory_ / file).string(), crease, env_);
     if (!mesh.ok()) {
-      if (table.Has("file")) table.ErrorAt("file", MessageOf(mesh.status()));
+      table.ErrorAt("file", MessageOf(mesh.status()));
       return;
     }
     if (mesh->uvs.empty()) RequireUv(table, "this mesh");
