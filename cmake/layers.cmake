@@ -6,8 +6,8 @@ set(LIGHTSTAGE_FLOORS
   dataset=2
   drivers/api=3
   drivers/conformance=4 sim/render=4 relight=4
-  drivers/aravis=5 sim/scenes=5 relight/cli=5
-  sim/rig=6
+  drivers/link=5 sim/scenes=5 relight/cli=5
+  drivers/aravis=6 sim/rig=6
   sim/peers=7
   daemon/config=7
   daemon/rig=8

@@ -16,11 +16,7 @@ constexpr Duration kRepeatedCommand = std::chrono::milliseconds(400);
 
 absl::StatusOr<std::unique_ptr<Camera>> AravisCamera::Open(const AravisOptions& options,
                                                            const DeviceContext& context) {
-  if (context.clock->is_virtual()) {
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrCat(context.name, ": a real camera can not run on virtual time"),
-                 {{"device", context.name}});
-  }
+  RETURN_IF_ERROR(DeviceThread::CheckClock(context));
   std::unique_ptr<AravisCamera> camera(new AravisCamera(options, context));
   ASSIGN_OR_RETURN(camera->link_, camera->Connect());
   camera->capabilities_ = camera->link_->capabilities();
@@ -36,94 +32,32 @@ absl::StatusOr<std::unique_ptr<Camera>> AravisCamera::Open(const AravisOptions& 
   info.min_gain_db = caps.MinGainDb();
   info.max_gain_db = caps.MaxGainDb();
   info.readout = options.readout;
-  camera->thread_ = std::thread([raw = camera.get()] { raw->Run(); });
   spdlog::info("{}: {} {} opened, {}x{}", context.name, info.identity.model, info.identity.serial,
                info.sensor_width, info.sensor_height);
   return std::unique_ptr<Camera>(std::move(camera));
 }
 
 AravisCamera::AravisCamera(const AravisOptions& options, const DeviceContext& context)
-    : options_(options), name_(context.name), clock_(*context.clock) {}
+    : options_(options),
+      name_(context.name),
+      clock_(*context.clock),
+      thread_(context.name, *context.clock) {}
 
-AravisCamera::~AravisCamera() {
-  FailAll(Error(absl::StatusCode::kCancelled, "DEVICE_CLOSED", absl::StrCat(name_, ": closed"),
-                {{"device", name_}}));
-  {
-    MutexLock lock(&mutex_);
-    quit_ = true;
-    task_there_.Signal();
-  }
-  if (thread_.joinable()) thread_.join();
-  link_.reset();
-  std::vector<std::shared_ptr<Outstanding>> last;
-  {
-    MutexLock lock(&mutex_);
-    last.swap(outstanding_);
-  }
-  // Their timers, Disarm or a lost connection may be calling completions.
-  for (const auto& operation : last) operation->AwaitIdle();
-}
+AravisCamera::~AravisCamera() { thread_.Close(); }
 
 absl::StatusOr<std::unique_ptr<AravisLink>> AravisCamera::Connect() {
   AravisLink::Events events;
   events.first_packet = [this](uint64_t session, TimePoint time) {
-    Post([this, session, time] { OnFirstPacket(session, time); });
+    thread_.Post([this, session, time] { OnFirstPacket(session, time); });
   };
-  events.buffer_done = [this](uint64_t session) { Post([this, session] { OnBuffer(session); }); };
+  events.buffer_done = [this](uint64_t session) {
+    thread_.Post([this, session] { OnBuffer(session); });
+  };
   events.control_lost = [this] { OnControlLost(); };
   return AravisLink::Open(options_, name_, clock_, std::move(events));
 }
 
 // ---- Any thread
-
-void AravisCamera::Post(Task task) {
-  MutexLock lock(&mutex_);
-  tasks_.push_back(std::move(task));
-  task_there_.Signal();
-}
-
-void AravisCamera::TrackLocked(std::shared_ptr<Outstanding> operation) {
-  outstanding_.erase(std::remove_if(outstanding_.begin(), outstanding_.end(),
-                                    [](const auto& o) { return o->finished() && o->idle(); }),
-                     outstanding_.end());
-  outstanding_.push_back(std::move(operation));
-}
-
-void AravisCamera::FailAtDeadline(const std::shared_ptr<Outstanding>& operation, TimePoint deadline,
-                                  const char* what) {
-  if (deadline == kNever) return;
-  std::weak_ptr<Outstanding> weak = operation;
-  clock_.At(deadline, [weak, error = LateError(what)] {
-    if (std::shared_ptr<Outstanding> late = weak.lock()) late->Fail(error);
-  });
-}
-
-std::shared_ptr<AravisCamera::ConfigOperation> AravisCamera::Start(Completion<CameraConfig> done,
-                                                                   TimePoint deadline,
-                                                                   const char* what) {
-  auto operation = std::make_shared<ConfigOperation>(std::move(done));
-  {
-    MutexLock lock(&mutex_);
-    TrackLocked(operation);
-  }
-  FailAtDeadline(operation, deadline, what);
-  return operation;
-}
-
-void AravisCamera::FailAll(const absl::Status& status) {
-  std::vector<std::shared_ptr<Outstanding>> all;
-  {
-    MutexLock lock(&mutex_);
-    all = outstanding_;
-  }
-  for (const auto& operation : all) operation->Fail(status);
-}
-
-absl::Status AravisCamera::LateError(const char* what) const {
-  return Error(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT",
-               absl::StrFormat("%s: %s was not confirmed in time", name_, what),
-               {{"device", name_}, {"operation", what}});
-}
 
 absl::Status AravisCamera::LostError() const {
   return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
@@ -136,7 +70,7 @@ absl::Status AravisCamera::LostError() const {
 void AravisCamera::OnControlLost() {
   lost_ = true;
   spdlog::warn("{}: control lost", name_);
-  FailAll(LostError());
+  thread_.FailAll(LostError());
 }
 
 absl::Status AravisCamera::TriggerRefusalLocked(Duration exposure) {
@@ -175,21 +109,21 @@ void AravisCamera::Configure(const CameraConfig& config, TimePoint deadline,
                                  absl::StrCat(name_, ": ", result.notes.front()),
                                  {{"device", name_}, {"note", result.notes.front()}}));
   }
-  auto operation = Start(std::move(done), deadline, "Configure");
-  Post([this, operation, config] {
+  auto operation = thread_.Start(std::move(done), deadline, "Configure");
+  thread_.Post([this, operation, config] {
     if (operation->finished()) return;
     operation->Complete(DoConfigure(config));
   });
 }
 
 void AravisCamera::Arm(TimePoint deadline, Completion<CameraConfig> done) {
-  auto operation = Start(std::move(done), deadline, "Arm");
+  auto operation = thread_.Start(std::move(done), deadline, "Arm");
   uint64_t disarms;
   {
     MutexLock lock(&mutex_);
     disarms = disarms_;
   }
-  Post([this, operation, deadline, disarms] {
+  thread_.Post([this, operation, deadline, disarms] {
     if (operation->finished()) return;
     if (absl::Status status = DoArm(deadline); !status.ok()) {
       operation->Fail(status);
@@ -213,15 +147,15 @@ void AravisCamera::Trigger(Duration exposure, TimePoint deadline,
     refusal = TriggerRefusalLocked(exposure);
     if (refusal.ok()) {
       shot_ = shot;
-      TrackLocked(shot);
+      thread_.Track(shot, deadline,
+                    "the frame");  // in one breath, so that Disarm finds both or neither
     }
   }
   if (!refusal.ok()) {
     shot->Fail(refusal);
     return;
   }
-  FailAtDeadline(shot, deadline, "the frame");
-  Post([this, shot] { DoTrigger(shot); });
+  thread_.Post([this, shot] { DoTrigger(shot); });
 }
 
 void AravisCamera::Disarm(TimePoint deadline, Completion<CameraConfig> done) {
@@ -230,10 +164,10 @@ void AravisCamera::Disarm(TimePoint deadline, Completion<CameraConfig> done) {
     armed_ = false;
     ++disarms_;
   }
-  FailAll(Error(absl::StatusCode::kCancelled, "CAMERA_DISARMED", absl::StrCat(name_, ": disarmed"),
-                {{"device", name_}}));
-  auto operation = Start(std::move(done), deadline, "Disarm");
-  Post([this, operation] {
+  thread_.FailAll(Error(absl::StatusCode::kCancelled, "CAMERA_DISARMED",
+                        absl::StrCat(name_, ": disarmed"), {{"device", name_}}));
+  auto operation = thread_.Start(std::move(done), deadline, "Disarm");
+  thread_.Post([this, operation] {
     if (link_) link_->StopStream();
     streaming_ = false;
     active_.reset();
@@ -242,19 +176,6 @@ void AravisCamera::Disarm(TimePoint deadline, Completion<CameraConfig> done) {
 }
 
 // ---- The device's thread
-
-void AravisCamera::Run() {
-  MutexLock lock(&mutex_);
-  while (true) {
-    while (!quit_ && tasks_.empty()) task_there_.Wait(&mutex_);
-    if (tasks_.empty()) return;
-    Task task = std::move(tasks_.front());
-    tasks_.pop_front();
-    mutex_.Unlock();
-    std::move(task)();
-    mutex_.Lock();
-  }
-}
 
 absl::StatusOr<CameraConfig> AravisCamera::DoConfigure(const CameraConfig& config) {
   if (lost_ || !link_) {
@@ -359,7 +280,7 @@ void AravisCamera::FinishActive(AravisLink::Taken taken) {
   std::shared_ptr<Shot> shot = std::move(active_);
   active_.reset();
   if (clock_.Now() > shot->deadline) {
-    shot->Fail(LateError("the frame"));  // its timer has not come to it yet
+    shot->Fail(thread_.Late("the frame"));  // its timer has not come to it yet
     return;
   }
   absl::StatusOr<Frame> frame = std::move(taken.frame);

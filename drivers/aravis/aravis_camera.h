@@ -3,16 +3,13 @@
 #pragma once
 
 #include <atomic>
-#include <deque>
 #include <memory>
 #include <string>
-#include <thread>
-#include <vector>
 
 #include "absl/base/thread_annotations.h"
 #include "base/mutex.h"
 #include "drivers/aravis/link.h"
-#include "drivers/aravis/outstanding.h"
+#include "drivers/link/device_thread.h"
 
 namespace lightstage {
 
@@ -39,27 +36,15 @@ class AravisCamera final : public Camera {
   void Disarm(TimePoint deadline, Completion<CameraConfig> done) override;
 
  private:
-  using Task = absl::AnyInvocable<void() &&>;
-  using ConfigOperation = Operation<CameraConfig>;
-
   AravisCamera(const AravisOptions& options, const DeviceContext& context);
   absl::StatusOr<std::unique_ptr<AravisLink>> Connect();
 
   // ---- Any thread.
-  void Post(Task task);
-  void TrackLocked(std::shared_ptr<Outstanding> operation) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  std::shared_ptr<ConfigOperation> Start(Completion<CameraConfig> done, TimePoint deadline,
-                                         const char* what);
-  void FailAtDeadline(const std::shared_ptr<Outstanding>& operation, TimePoint deadline,
-                      const char* what);
-  void FailAll(const absl::Status& status);
   void OnControlLost();
   absl::Status LostError() const;
-  absl::Status LateError(const char* what) const;
   absl::Status TriggerRefusalLocked(Duration exposure) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   // ---- The device's thread.
-  void Run();
   absl::StatusOr<CameraConfig> DoConfigure(const CameraConfig& config);
   absl::Status DoArm(TimePoint deadline);
   void DoTrigger(const std::shared_ptr<Shot>& shot);
@@ -87,14 +72,10 @@ class AravisCamera final : public Camera {
   std::atomic<bool> lost_{false};
 
   Mutex mutex_;
-  CondVar task_there_;  // or quit_
-  std::deque<Task> tasks_ ABSL_GUARDED_BY(mutex_);
-  bool quit_ ABSL_GUARDED_BY(mutex_) = false;
   bool armed_ ABSL_GUARDED_BY(mutex_) = false;
   uint64_t disarms_ ABSL_GUARDED_BY(mutex_) = 0;  // an Arm that a Disarm overtook does not arm
   std::shared_ptr<Shot> shot_ ABSL_GUARDED_BY(mutex_);  // the last one triggered
-  std::vector<std::shared_ptr<Outstanding>> outstanding_ ABSL_GUARDED_BY(mutex_);
-  std::thread thread_;
+  DeviceThread thread_;  // last: what its tasks use is there before it and after it
 };
 
 }  // namespace lightstage

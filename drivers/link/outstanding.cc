@@ -1,4 +1,4 @@
-#include "drivers/aravis/outstanding.h"
+#include "drivers/link/outstanding.h"
 
 namespace lightstage {
 

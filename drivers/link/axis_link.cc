@@ -1,0 +1,315 @@
+#include "drivers/link/axis_link.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_format.h"
+
+namespace lightstage {
+namespace {
+
+// So long after its command a drive may still say that it stands where it was.
+constexpr Duration kStartGrace = std::chrono::milliseconds(500);
+
+class LinkedAxis final : public Axis {
+ public:
+  LinkedAxis(const DeviceContext& context, std::unique_ptr<AxisLink> link, Duration poll)
+      : name_(context.name),
+        clock_(*context.clock),
+        link_(std::move(link)),
+        poll_(poll),
+        thread_(context.name, *context.clock) {}
+
+  ~LinkedAxis() override {
+    thread_.Post([this] {
+      if (motion_ == nullptr && stops_.empty()) return;
+      if (absl::Status halted = link_->Halt(); !halted.ok()) {
+        spdlog::error("{}: could not be stopped on closing: {}", name_, MessageOf(halted));
+      }
+    });
+    thread_.Close();
+  }
+
+  absl::Status Connect(std::string_view driver) {
+    return thread_.Call([&]() -> absl::Status {
+      RETURN_IF_ERROR(link_->Connect());
+      info_ = link_->info();
+      info_.identity.name = name_;
+      info_.identity.driver = driver;
+      return absl::OkStatus();
+    });
+  }
+
+  const AxisInfo& info() const override { return info_; }
+
+  void Home(TimePoint deadline, Completion<AxisState> done) override {
+    Begin(std::nullopt, 0, deadline, std::move(done));
+  }
+
+  void Move(Angle target, double velocity_dps, TimePoint deadline,
+            Completion<AxisState> done) override {
+    if (absl::Status inside = CheckTarget(info_, target); !inside.ok()) {
+      return std::move(done)(inside);
+    }
+    const double velocity =
+        velocity_dps > 0 ? std::min(velocity_dps, info_.max_velocity_dps) : info_.max_velocity_dps;
+    Begin(target, velocity, deadline, std::move(done));
+  }
+
+  void Read(TimePoint deadline, Completion<AxisState> done) override {
+    auto operation = thread_.Start(std::move(done), deadline, "reading the position");
+    thread_.Post([this, operation] {
+      if (operation->finished()) return;
+      absl::StatusOr<AxisReading> reading = Ask();
+      if (reading.ok()) {
+        operation->Complete(StateOf(*reading));
+      } else {
+        operation->Fail(reading.status());
+      }
+    });
+  }
+
+  void Stop(TimePoint deadline, Completion<AxisState> done) override {
+    std::shared_ptr<Operation<AxisState>> interrupted;
+    {
+      MutexLock lock(&mutex_);
+      interrupted = latest_;
+    }
+    if (interrupted != nullptr) {
+      interrupted->Fail(Error(absl::StatusCode::kCancelled, "STOPPED",
+                              absl::StrCat(name_, " was stopped"), {{"axis", name_}}));
+    }
+    auto operation = thread_.Start(std::move(done), deadline, "the stop");
+    thread_.Post([this, operation] {
+      motion_.reset();
+      // Even if nothing seems to move: a stop is to be trusted.
+      if (absl::Status halted = Note(link_->Halt()); !halted.ok()) {
+        operation->Fail(halted);
+        return;
+      }
+      stops_.push_back(operation);
+      Poll();
+    });
+  }
+
+ private:
+  struct Motion {
+    std::optional<Angle> target;  // none: homing
+    double velocity_dps = 0;
+    std::shared_ptr<Operation<AxisState>> operation;
+    enum { kWaiting, kUnderWay, kSettling } stage = kWaiting;
+    Angle goal;         // the target on the way that is taken
+    TimePoint since{};  // this stage began
+  };
+
+  // ---- The caller's thread.
+
+  void Begin(std::optional<Angle> target, double velocity_dps, TimePoint deadline,
+             Completion<AxisState> done) {
+    auto motion = std::make_shared<Motion>();
+    motion->target = target;
+    motion->velocity_dps = velocity_dps;
+    const std::string what =
+        target.has_value() ? absl::StrFormat("the move to %g deg", target->degrees()) : "homing";
+    {
+      MutexLock lock(&mutex_);
+      if (latest_ == nullptr || latest_->finished()) {
+        latest_ = motion->operation = thread_.Start(std::move(done), deadline, what);
+      }
+    }
+    if (motion->operation == nullptr) {
+      return std::move(done)(Error(absl::StatusCode::kFailedPrecondition, "AXIS_BUSY",
+                                   absl::StrCat(name_, " is still moving; wait for it or stop it"),
+                                   {{"axis", name_}}));
+    }
+    thread_.Post([this, motion] {
+      if (motion_ != nullptr) Note(link_->Halt()).IgnoreError();  // the last one was too late
+      motion_ = motion;
+      Poll();
+    });
+  }
+
+  // ---- The device's thread.
+
+  AxisState StateOf(const AxisReading& reading) const {
+    return {.position = reading.position,
+            .velocity_dps = reading.velocity_dps,
+            .homed = reading.homed,
+            .moving = reading.moving || motion_ != nullptr};
+  }
+
+  // Notes whether the link is gone.
+  absl::Status Note(absl::Status status) {
+    if (ErrorReason(status) == "DEVICE_LOST") lost_ = true;
+    return status;
+  }
+
+  absl::StatusOr<AxisReading> Ask() {
+    absl::StatusOr<AxisReading> reading = link_->Read();
+    Note(reading.status()).IgnoreError();
+    return reading;
+  }
+
+  // Moves on with what is in progress, and comes back after a while if it is not over.
+  void Poll() {
+    Step();
+    if (polling_ || (motion_ == nullptr && stops_.empty())) return;
+    polling_ = true;
+    thread_.PostAt(clock_.Now() + poll_, [this] {
+      polling_ = false;
+      Poll();
+    });
+  }
+
+  void Step() {
+    if (motion_ != nullptr && motion_->operation->finished()) {
+      // Too late: what nobody waits for is not to go on.
+      motion_.reset();
+      Note(link_->Halt()).IgnoreError();  // who moves it next finds it moving
+    }
+    if (motion_ == nullptr && stops_.empty()) return;
+    if (motion_ != nullptr && lost_) {
+      // Where it is now nobody knows: only homing goes on from here.
+      if (motion_->target.has_value()) return End(Lost());
+      if (absl::Status connected = Note(Reconnect()); !connected.ok()) return End(connected);
+    }
+    const absl::StatusOr<AxisReading> reading = Ask();
+    if (!reading.ok()) {
+      FailStops(reading.status());
+      if (motion_ == nullptr) return;
+      // Homing is what clears a fault.
+      const bool fault = ErrorReason(reading.status()) == "DEVICE_FAULT";
+      if (fault && !motion_->target.has_value() && motion_->stage == Motion::kWaiting) {
+        return StartMotion({});
+      }
+      Note(link_->Halt()).IgnoreError();
+      return End(reading.status());
+    }
+    if (!reading->moving) {
+      for (const auto& stop : std::exchange(stops_, {})) stop->Complete(StateOf(*reading));
+    }
+    if (motion_ == nullptr) return;
+    const Duration taken = clock_.Now() - motion_->since;
+    switch (motion_->stage) {
+      case Motion::kWaiting:
+        if (!reading->moving) StartMotion(*reading);  // else it still brakes
+        return;
+      case Motion::kUnderWay:
+        if (reading->moving) return;
+        if (Arrived(*reading)) {
+          motion_->stage = Motion::kSettling;
+          motion_->since = clock_.Now();
+          if (info_.settle <= Duration::zero()) EndAt(*reading);
+        } else if (taken > kStartGrace) {
+          End(OffTarget(*reading));
+        }
+        return;
+      case Motion::kSettling:
+        if (taken < info_.settle) return;
+        if (Arrived(*reading) && !reading->moving) return EndAt(*reading);
+        return End(OffTarget(*reading));
+    }
+  }
+
+  void StartMotion(const AxisReading& from) {
+    absl::Status started;
+    if (!motion_->target.has_value()) {
+      started = link_->StartHome();
+    } else if (!from.homed) {
+      started = Error(absl::StatusCode::kFailedPrecondition, "NOT_HOMED",
+                      absl::StrCat(name_, " must be homed first"), {{"axis", name_}});
+    } else {
+      motion_->goal = info_.continuous
+                          ? from.position + MoveDistance(info_, from.position, *motion_->target)
+                          : *motion_->target;
+      started = link_->StartMove(motion_->goal, motion_->velocity_dps);
+    }
+    if (!Note(started).ok()) return End(started);
+    motion_->stage = Motion::kUnderWay;
+    motion_->since = clock_.Now();
+  }
+
+  bool Arrived(const AxisReading& reading) const {
+    if (!reading.homed) return false;
+    return !motion_->target.has_value() ||
+           std::abs((reading.position - motion_->goal).degrees()) <= info_.tolerance.degrees();
+  }
+
+  void EndAt(const AxisReading& reading) {
+    const std::shared_ptr<Motion> motion = std::exchange(motion_, nullptr);
+    motion->operation->Complete(StateOf(reading));
+  }
+  void End(const absl::Status& why) {
+    const std::shared_ptr<Motion> motion = std::exchange(motion_, nullptr);
+    motion->operation->Fail(why);
+  }
+  void FailStops(const absl::Status& why) {
+    for (const auto& stop : std::exchange(stops_, {})) stop->Fail(why);
+  }
+
+  absl::Status Reconnect() {
+    RETURN_IF_ERROR(link_->Connect());
+    lost_ = false;
+    spdlog::info("{}: connected anew", name_);
+    return absl::OkStatus();
+  }
+
+  absl::Status Lost() const {
+    return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
+                 absl::StrCat(name_, ": the link to the drive was lost; home it to connect anew"),
+                 {{"device", name_}});
+  }
+
+  absl::Status OffTarget(const AxisReading& reading) const {
+    const double at = reading.position.degrees();
+    if (!motion_->target.has_value()) {
+      return Error(absl::StatusCode::kFailedPrecondition, "AXIS_OFF_TARGET",
+                   absl::StrFormat("%s stands at %g deg and says that it is not homed", name_, at),
+                   {{"axis", name_}, {"at_deg", absl::StrCat(at)}});
+    }
+    return Error(absl::StatusCode::kFailedPrecondition, "AXIS_OFF_TARGET",
+                 absl::StrFormat("%s stands at %g deg instead of %g deg, more than %g deg away",
+                                 name_, at, motion_->goal.degrees(), info_.tolerance.degrees()),
+                 {{"axis", name_},
+                  {"at_deg", absl::StrCat(at)},
+                  {"target_deg", absl::StrCat(motion_->goal.degrees())},
+                  {"tolerance_deg", absl::StrCat(info_.tolerance.degrees())}});
+  }
+
+  const std::string name_;
+  Clock& clock_;
+  AxisInfo info_;
+
+  // The device's thread only.
+  const std::unique_ptr<AxisLink> link_;
+  const Duration poll_;
+  bool lost_ = false;
+  bool polling_ = false;
+  std::shared_ptr<Motion> motion_;
+  std::vector<std::shared_ptr<Operation<AxisState>>> stops_;
+
+  Mutex mutex_;
+  // The last motion that was asked for.
+  std::shared_ptr<Operation<AxisState>> latest_ ABSL_GUARDED_BY(mutex_);
+  DeviceThread thread_;  // last: its tasks use all of this
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Axis>> OpenLinkedAxis(const DeviceContext& context,
+                                                     std::string_view driver,
+                                                     std::unique_ptr<AxisLink> link,
+                                                     Duration poll) {
+  RETURN_IF_ERROR(DeviceThread::CheckClock(context));
+  auto axis = std::make_unique<LinkedAxis>(context, std::move(link), poll);
+  RETURN_IF_ERROR(axis->Connect(driver));
+  spdlog::info("{}: {} {} opened", context.name, axis->info().identity.model,
+               axis->info().identity.serial);
+  return std::unique_ptr<Axis>(std::move(axis));
+}
+
+}  // namespace lightstage
