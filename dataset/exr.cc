@@ -10,6 +10,8 @@
 namespace lightstage {
 namespace {
 
+constexpr std::string_view kMagic = "\x76\x2f\x31\x01";  // every OpenEXR file begins so
+
 absl::Status InvalidImage(std::string_view why) {
   return Error(absl::StatusCode::kInvalidArgument, "IMAGE_INVALID",
                absl::StrCat("image cannot be written as EXR: ", why), {{"why", std::string(why)}});
@@ -49,6 +51,9 @@ absl::StatusOr<Image> DecodeExr(std::string_view bytes, std::string_view name) {
 }
 
 absl::StatusOr<Image> ReadExr(const std::string& path, Env& env) {
+  // Large files of another kind are not read whole to learn that.
+  ASSIGN_OR_RETURN(const std::string head, env.ReadRange(path, 0, kMagic.size()));
+  if (head != kMagic) return exr_codec::Corrupt(path, "is no OpenEXR file");
   ASSIGN_OR_RETURN(std::string bytes, env.ReadFile(path));
   return DecodeExr(bytes, path);
 }

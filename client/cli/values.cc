@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -152,8 +153,12 @@ absl::StatusOr<v1::Pattern> ParsePattern(const std::string& text) {
                            arrangement == v1::PATTERN_ARRANGEMENT_BLACK)) {
     return UsageError(absl::StrCat("'", words[1], "': ", words[0], " covers the whole picture"));
   }
+  std::set<std::string> given;
   for (size_t i = 1; i < words.size(); ++i) {
     std::vector<std::string> sides = absl::StrSplit(words[i], absl::MaxSplits('=', 1));
+    if (!given.insert(sides[0]).second) {
+      return UsageError(absl::StrCat("'", words[i], "': ", sides[0], " is given twice"));
+    }
     if (sides.size() == 2 && sides[0] == "profile") {
       ASSIGN_OR_RETURN(v1::PatternProfile profile, ParseProfile(sides[1]));
       pattern.set_profile(profile);

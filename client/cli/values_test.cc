@@ -84,9 +84,9 @@ TEST(ParsePattern, TakesAnArrangementAndItsFields) {
   EXPECT_EQ(pattern->influence(), 2);
   EXPECT_EQ(pattern->profile(), v1::PATTERN_PROFILE_HAT);
   EXPECT_EQ(ParsePattern("full")->grid(), 16);
-  for (const char* text :
-       {"", "unspecified", "grid=16", "square,grid", "square,grid=x", "square,colour=3",
-        "square,profile=round", "square,7", "full,grid=3", "black,profile=box"}) {
+  for (const char* text : {"", "unspecified", "grid=16", "square,grid", "square,grid=x",
+                           "square,colour=3", "square,profile=round", "square,7", "full,grid=3",
+                           "square,row=8,row=7", "black,profile=box"}) {
     EXPECT_EQ(Reason(ParsePattern(text)), "USAGE") << text;
   }
 }

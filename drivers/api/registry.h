@@ -15,7 +15,8 @@ namespace lightstage {
 // A device that was found on a bus.
 struct Discovered {
   std::string what;  // one line for people: maker, model, serial number, where it is
-  std::string toml;  // lines of a rig file that would open it; what only the lab knows is left as a comment
+  std::string
+      toml;  // lines of a rig file that would open it; what only the lab knows is left as a comment
 };
 
 // Looks for devices without changing them; at most a few seconds. What cannot be looked at is an error that says why.

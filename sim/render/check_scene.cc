@@ -19,10 +19,6 @@ absl::Status Wrong(const std::string& shape, const std::string& what) {
                {{"shape", shape}});
 }
 
-bool NeedsInside(const Material& material) {
-  return material.kind == Material::Kind::kGlass || material.kind == Material::Kind::kMedium;
-}
-
 absl::Status CheckMaterial(const Material& m, size_t index) {
   const std::string name = absl::StrCat("material ", index);
   auto color = [](const Rgb& c) { return (c >= 0).all() && (c <= 1).all(); };
@@ -184,7 +180,7 @@ absl::Status CheckScene(const SceneDescription& description) {
     const std::string name = NameOf(mesh, i);
     RETURN_IF_ERROR(check_index(name, mesh.material));
     RETURN_IF_ERROR(CheckMesh(mesh, name));
-    if (NeedsInside(description.materials[mesh.material])) RETURN_IF_ERROR(CheckClosed(mesh, name));
+    if (description.materials[mesh.material].has_inside()) RETURN_IF_ERROR(CheckClosed(mesh, name));
   }
   for (size_t i = 0; i < description.balls.size(); ++i) {
     const Ball& ball = description.balls[i];

@@ -149,6 +149,7 @@ absl::StatusOr<Scene> Scene::Build(SceneDescription description) {
   // Rays must not slip through where thin triangles meet.
   rtcSetSceneFlags(scene.scene_, RTC_SCENE_FLAG_ROBUST);
   scene.Attach();
+  RETURN_IF_ERROR(scene.CheckMedia());
   rtcCommitScene(scene.scene_);
   if (RTCError error = rtcGetDeviceError(scene.device_); error != RTC_ERROR_NONE) {
     return Error(absl::StatusCode::kInternal, "EMBREE",
@@ -193,7 +194,10 @@ void Scene::Attach() {
     RTCGeometry geometry = MakeBall(device_, ball);
     SetMaterial(geometry, material);
     CommitTo(scene_, geometry);
-    geometries_.push_back({.ball = &ball, .number = static_cast<int>(i), .material = &material});
+    Geometry& round = geometries_.emplace_back();
+    round = {.ball = &ball, .number = static_cast<int>(i), .material = &material};
+    for (float side : {-1.0f, 1.0f})
+      round.box.extend(ball.center + side * ball.radius * Vec3f::Ones());
   }
 }
 
@@ -245,6 +249,58 @@ bool Scene::Encloses(const Geometry& geometry, const Vec3f& point) const {
   const Vec3f own =
       geometry.placement != nullptr ? Vec3f(geometry.placement->inverse() * point) : point;
   return WindingNumber(*geometry.mesh, own.cast<double>()) > 0.5;
+}
+
+bool Scene::Reaches(const Geometry& from, const Geometry& into) const {
+  constexpr int kPlaces = 24;
+  constexpr float kUnder = 1e-4f;  // of its size: shapes that touch do not overlap
+  for (int i = 0; i < kPlaces; ++i) {
+    Vec3f place;
+    if (from.ball != nullptr) {
+      const float z = 1 - (2 * static_cast<float>(i) + 1) / kPlaces,
+                  turn = 2.4f * static_cast<float>(i);
+      const float r = std::sqrt(1 - z * z);
+      place = from.ball->center +
+              (1 - kUnder) * from.ball->radius * Vec3f(r * std::cos(turn), r * std::sin(turn), z);
+    } else {
+      const auto& triangles = from.mesh->triangles;
+      const auto& t = triangles[triangles.size() * i / kPlaces];
+      const auto& vertices = from.mesh->vertices;
+      const Vec3f &a = vertices[t[0]], &b = vertices[t[1]], &c = vertices[t[2]];
+      place = (a + b + c) / 3;
+      Vec3f outward = (b - a).cross(c - a).normalized();
+      if (from.placement != nullptr) {
+        place = *from.placement * place;
+        outward = (from.placement->linear() * outward).normalized();
+      }
+      place -= kUnder * from.box.diagonal().norm() * outward;
+    }
+    if (Encloses(into, place)) return true;
+  }
+  return false;
+}
+
+absl::Status Scene::CheckMedia() const {
+  std::vector<const Geometry*> filled;
+  for (const Geometry& geometry : geometries_) {
+    if (geometry.material->has_inside()) filled.push_back(&geometry);
+  }
+  auto begin = [](const Geometry* g) { return g->box.min().x(); };
+  std::sort(filled.begin(), filled.end(), [&](auto* a, auto* b) { return begin(a) < begin(b); });
+  for (size_t i = 0; i < filled.size(); ++i) {
+    const Geometry& a = *filled[i];
+    for (size_t j = i + 1; j < filled.size() && begin(filled[j]) <= a.box.max().x(); ++j) {
+      const Geometry& b = *filled[j];
+      const bool medium = a.material->kind == Material::Kind::kMedium ||
+                          b.material->kind == Material::Kind::kMedium;
+      if (!medium || !a.box.intersects(b.box) || (!Reaches(a, b) && !Reaches(b, a))) continue;
+      return Error(absl::StatusCode::kInvalidArgument, "SCENE",
+                   absl::StrCat(NameOf(a), " and ", NameOf(b),
+                                " overlap: a medium may not overlap another one or glass"),
+                   {{"shape", NameOf(a)}, {"other", NameOf(b)}});
+    }
+  }
+  return absl::OkStatus();
 }
 
 absl::Status Scene::CheckOutside(const Vec3f& point, const std::string& what) const {

@@ -66,6 +66,8 @@ struct Material {
     kMedium,  // fills a closed shape with what scatters light, index-matched: its boundary itself does nothing. Media must not overlap
               // each other or glass; surfaces may stand in them.
   };
+  // Light goes on within: its shape must be closed.
+  bool has_inside() const { return kind == Kind::kGlass || kind == Kind::kMedium; }
   Kind kind = Kind::kSurface;
   Rgb diffuse = Rgb::Zero();   // albedo, [0,1]; of a medium: scattering over extinction
   Rgb specular = Rgb::Zero();  // reflectance at normal incidence, [0,1]
@@ -107,7 +109,8 @@ struct SceneDescription {
 class Scene {
  public:
   // INVALID_ARGUMENT / SCENE, naming the shape and its element: an index out of range, a number that is none, a triangle without
-  // an area, or glass or a medium in a mesh that is not closed. INTERNAL / EMBREE if Embree refuses.
+  // an area, glass or a medium in a mesh that is not closed, or a medium that overlaps another one or glass, as far as a few places of
+  // each shape show. INTERNAL / EMBREE if Embree refuses.
   static absl::StatusOr<Scene> Build(SceneDescription description);
   Scene(Scene&& other) noexcept;
   Scene& operator=(Scene&&) = delete;
@@ -150,6 +153,9 @@ class Scene {
     return &geometries_[instance != RTC_INVALID_GEOMETRY_ID ? instance : geometry];
   }
   bool Encloses(const Geometry& geometry, const Vec3f& point) const;
+  // A few places all over `from`, just under its surface, are looked at.
+  bool Reaches(const Geometry& from, const Geometry& into) const;
+  absl::Status CheckMedia() const;
   std::string NameOf(const Geometry& geometry) const;
 
   std::unique_ptr<SceneDescription> description_;  // in one place: Embree points into it

@@ -45,12 +45,15 @@ class Reader {
       builder_.PutBall(center, static_cast<float>(table.Double("radius_m", 1e-4, 100)),
                        MaterialOf(table));
     }
+    int boxes = 0;
     for (const TomlTable& table : root.Tables("box")) {
       RequireUv(table, "a box");
       const Vec3f center = Position(table, "center_m"),
                   size = ToVec(table.Doubles("size_m", 1e-5, 100, 3));
       const auto yaw = static_cast<float>(Degrees(table.Double("yaw_deg", -360, 360, 0)).radians());
-      builder_.Put(Box(center, size / 2, yaw), MaterialOf(table));
+      Mesh box = Box(center, size / 2, yaw);
+      box.name = absl::StrCat("box ", boxes++);
+      builder_.Put(std::move(box), MaterialOf(table));
     }
   }
 
@@ -217,7 +220,7 @@ class Reader {
 }  // namespace
 
 absl::StatusOr<SceneDescription> ReadSceneFile(const std::string& path, Env& env) {
-  ASSIGN_OR_RETURN(std::string text, env.ReadInput(path));
+  ASSIGN_OR_RETURN(std::string text, ReadNamedFile(path, env));
   ASSIGN_OR_RETURN(TomlDocument document, TomlDocument::Parse(text, path));
   Reader reader(std::filesystem::path(path).parent_path(), env);
   reader.Read(document.root());

@@ -349,6 +349,39 @@ TEST(Scenes, MeshesFaceOutward) {
   }
 }
 
+TEST_F(SceneFiles, MediaThatOverlapAreRefused) {
+  Write("tetra.off", kTetrahedron);
+  const std::string materials =
+      "turntable = false\n[material.foam]\nkind = \"medium\"\nmean_free_path_m = 0.02\n"
+      "[material.milk]\nkind = \"medium\"\nmean_free_path_m = 0.01\n"
+      "[material.glass]\nkind = \"glass\"\n[material.clay]\ndiffuse = [0.5, 0.5, 0.5]\n";
+  auto ball = [](const char* material, double x, double radius) {
+    return absl::StrCat("[[ball]]\ncenter_m = [", x, ", 0, 0.1]\nradius_m = ", radius,
+                        "\nmaterial = \"", material, "\"\n");
+  };
+  auto box = [](const char* material, double x) {
+    return absl::StrCat("[[box]]\ncenter_m = [", x,
+                        ", 0, 0.1]\nsize_m = [0.1, 0.1, 0.1]\nmaterial = \"", material, "\"\n");
+  };
+  const std::string foam = materials + ball("foam", 0, 0.1);
+  ExpectRefused(foam + ball("foam", 0, 0.07), {"ball 0 and ball 1 overlap"});
+  ExpectRefused(foam + ball("milk", 0, 0.1), {"ball 0 and ball 1 overlap"});
+  ExpectRefused(foam + ball("glass", 0.02, 0.03), {"ball 0 and ball 1 overlap"});
+  ExpectRefused(foam + ball("foam", 0.12, 0.1), {"ball 0 and ball 1 overlap"});
+  ExpectRefused(materials + box("foam", 0) + box("milk", 0.05), {"box 0 and box 1 overlap"});
+  ExpectRefused(materials +
+                    "[[mesh]]\nfile = \"tetra.off\"\nmaterial = \"foam\"\nsize_m = 0.1\n"
+                    "[[mesh.copy]]\n[[mesh.copy]]\nposition_m = [0.01, 0, 0]\n",
+                {"tetra.off and ", "tetra.off overlap"});
+  for (const std::string& good : {ball("clay", 0.02, 0.03), ball("foam", 0.2, 0.1),
+                                  box("milk", 0.15), ball("glass", 0.25, 0.1)}) {
+    auto description = Load(foam + good);
+    ASSERT_TRUE(description.ok()) << description.status();
+    const absl::Status built = Scene::Build(*std::move(description)).status();
+    EXPECT_TRUE(built.ok()) << good << built;
+  }
+}
+
 // What paths take is known before they are traced, also of narrow pictures and of media, where paths are long.
 TEST(Scenes, PathsTakeTheMemoryThatWasEstimated) {
   auto scene = Scene::Build(*LoadScene("materials", ""));

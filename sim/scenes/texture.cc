@@ -61,10 +61,11 @@ absl::StatusOr<Image> ReadTexture(const std::string& path, Env& env) {
     for (int x = 0; x < image.width(); ++x) {
       for (int c = 0; c < 3; ++c) {
         const float v = picture.at(x, y, picture.channels() == 3 ? c : 0);
-        if (!std::isfinite(v)) {
-          return Wrong(path, absl::StrCat("pixel (", x, ", ", y, ") is no finite number"));
+        if (!(v >= 0 && v <= 1)) {
+          return Wrong(path,
+                       absl::StrCat("pixel (", x, ", ", y, ") is ", v, ", must be from 0 to 1"));
         }
-        image.at(x, y, c) = std::clamp(v, 0.0f, 1.0f);
+        image.at(x, y, c) = v;
       }
     }
   }

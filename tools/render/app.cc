@@ -147,6 +147,33 @@ absl::Status ParseSize(const std::string& text, int* width, int* height) {
   return Usage(absl::StrCat("'", text, "' is no size: give e.g. 640x480, up to 16384"));
 }
 
+bool SamePlace(const std::string& a, const std::string& b) {
+  std::error_code failed;  // then it is no place, which whoever opens it says
+  const std::filesystem::path first = std::filesystem::weakly_canonical(a, failed);
+  if (failed) return false;
+  const std::filesystem::path second = std::filesystem::weakly_canonical(b, failed);
+  return !failed && first == second;
+}
+
+// That a picture can be written there, as far as can be seen.
+absl::Status CheckOutput(const std::string& file) {
+  namespace fs = std::filesystem;
+  std::error_code failed;
+  const fs::file_status there = fs::status(file, failed);
+  if (there.type() == fs::file_type::none) {
+    return Error(absl::StatusCode::kInvalidArgument, "FILE",
+                 absl::StrCat(file, ": ", failed.message()));
+  }
+  if (fs::exists(there) && !fs::is_regular_file(there)) {
+    return Usage(
+        absl::StrCat(file, " is ", fs::is_directory(there) ? "a folder" : "no regular file"));
+  }
+  const fs::path folder = fs::path(file).parent_path();
+  if (folder.empty() || fs::is_directory(folder, failed)) return absl::OkStatus();
+  return Error(absl::StatusCode::kNotFound, "FOLDER",
+               absl::StrCat(file, ": there is no folder ", folder.string()));
+}
+
 // What the options' own checks let through.
 absl::Status CheckFlags(const Flags& flags) {
   for (const auto& [name, value] :
@@ -157,20 +184,14 @@ absl::Status CheckFlags(const Flags& flags) {
   if (flags.rotate_deg != 0 && flags.environment.empty())
     return Usage("--rotate turns the --environment; there is none");
   if (flags.out.empty()) return Usage("--out is empty");
-  const std::filesystem::path out = std::filesystem::weakly_canonical(flags.out);
-  if (!flags.png.empty() && std::filesystem::weakly_canonical(flags.png) == out) {
-    return Usage("--out and --png are the same file");
-  }
-  if (!flags.environment.empty() && std::filesystem::weakly_canonical(flags.environment) == out) {
-    return Usage("--out would replace the --environment");
-  }
   // Before hours are spent.
-  for (const std::string& file : {flags.out, flags.png}) {
-    if (std::filesystem::is_directory(file)) return Usage(absl::StrCat(file, " is a folder"));
-    const std::filesystem::path folder = std::filesystem::path(file).parent_path();
-    if (folder.empty() || std::filesystem::is_directory(folder)) continue;
-    return Error(absl::StatusCode::kNotFound, "FOLDER",
-                 absl::StrCat(file, ": there is no folder ", folder.string()));
+  RETURN_IF_ERROR(CheckOutput(flags.out));
+  if (!flags.png.empty()) {
+    RETURN_IF_ERROR(CheckOutput(flags.png));
+    if (SamePlace(flags.png, flags.out)) return Usage("--out and --png are the same file");
+  }
+  if (!flags.environment.empty() && SamePlace(flags.environment, flags.out)) {
+    return Usage("--out would replace the --environment");
   }
   return absl::OkStatus();
 }

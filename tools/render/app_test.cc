@@ -137,6 +137,17 @@ TEST(RenderApp, NumbersThatAreNoneAndFilesThatAreOneAreRefused) {
   EXPECT_THAT(RunRender({"--rig", kRig, "--lamp", "1", "--out", "/nowhere/at/all.exr"}).err,
               HasSubstr("no folder /nowhere/at"));
   EXPECT_FALSE(std::filesystem::exists(out));
+  // Found before anything is rendered.
+  const std::string loop = Path("loop"), longest(300, 'x');
+  std::filesystem::remove(loop);
+  std::filesystem::create_symlink(loop, loop);
+  for (const std::string& bad : {std::string("/dev/full"), std::string("/"), loop, longest}) {
+    const Result result =
+        RunRender({"--rig", kRig, "--lamp", "1", "--spp", "1000000", "--out", bad});
+    EXPECT_NE(result.code, 0) << bad;
+    EXPECT_THAT(result.err, HasSubstr(bad));
+    EXPECT_THAT(RunRender({"--rig", kRig, "--environment", bad, "--out", out}).err, HasSubstr(bad));
+  }
 }
 
 }  // namespace
