@@ -9,6 +9,8 @@
 #include <sstream>
 #include <tuple>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "base/status.h"
 #include "toml++/toml.h"
@@ -423,6 +425,20 @@ absl::Status TomlDocument::Finish() const {
   }
   return Error(absl::StatusCode::kInvalidArgument, "RIG_FILE_INVALID", absl::StrJoin(lines, "\n"),
                {{"file", impl.filename}, {"errors", absl::StrCat(errors.size())}});
+}
+
+std::string TomlQuoted(std::string_view text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') {
+      absl::StrAppend(&out, "\\", std::string_view(&c, 1));
+    } else if (absl::ascii_iscntrl(static_cast<unsigned char>(c))) {
+      absl::StrAppendFormat(&out, "\\u%04x", static_cast<unsigned char>(c));
+    } else {
+      out += c;
+    }
+  }
+  return out + "\"";
 }
 
 }  // namespace lightstage

@@ -66,6 +66,9 @@ class TomlTable {
   std::string path_;
 };
 
+// `text` as a basic string, quotes and all: for lines that are to be pasted into a file.
+std::string TomlQuoted(std::string_view text);
+
 class TomlDocument {
  public:
   // INVALID_ARGUMENT with file:line:column if it is not TOML.

@@ -192,5 +192,12 @@ TEST(TomlTest, WrongShapes) {
   EXPECT_THAT(message, Not(HasSubstr("driver")));
 }
 
+TEST(Toml, QuotedTextComesBack) {
+  const std::string text = "a\"b\\c\n\t\x01 d";
+  auto document = TomlDocument::Parse("key = " + TomlQuoted(text), "f");
+  ASSERT_TRUE(document.ok()) << document.status();
+  EXPECT_EQ(document->root().String("key"), text);
+}
+
 }  // namespace
 }  // namespace lightstage

@@ -10,6 +10,7 @@ std::shared_ptr<sim::Simulation> RegisterBuiltinDrivers(DriverRegistry& registry
   std::shared_ptr<sim::Simulation> simulation = sim::RegisterSimulatedDrivers(registry);
   sim::RegisterGigePeer(registry, simulation);
   registry.cameras["aravis"] = AravisDriver();
+  registry.discoveries["aravis"] = AravisDiscovery();
   return simulation;
 }
 

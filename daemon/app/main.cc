@@ -15,6 +15,7 @@
 #include "base/utf8.h"
 #include "base/version.h"
 #include "daemon/app/builtin_drivers.h"
+#include "daemon/app/discover.h"
 #include "daemon/config/rig_file.h"
 #include "daemon/engine/facts.h"
 #include "daemon/rpc/convert.h"
@@ -33,7 +34,7 @@ constexpr char kDefaultAddress[] = "127.0.0.1:7420";
 struct Arguments {
   std::string rig_file, data;
   std::vector<std::string> listen;
-  bool check = false;
+  bool check = false, discover = false;
 };
 
 absl::StatusOr<std::unique_ptr<RigFile>> LoadRigFile(const std::string& path,
@@ -102,15 +103,20 @@ int Main(int argc, char** argv) {
   Arguments arguments;
   CLI::App app("lightstaged owns an image-based relighting rig and captures basis images with it.");
   app.set_version_flag("--version", kVersion);
-  app.add_option("--rig", arguments.rig_file, "Rig file (TOML)")->required();
+  auto* rig = app.add_option("--rig", arguments.rig_file, "Rig file (TOML)");
   auto* data = app.add_option("--data", arguments.data, "Data directory, made if needed");
   app.add_option(
       "--listen", arguments.listen,
       "unix:PATH or 127.0.0.1:PORT (repeatable; default " + std::string(kDefaultAddress) + ")");
   app.add_flag("--check", arguments.check, "Check the rig file and exit; touches no device");
+  app.add_flag("--discover", arguments.discover,
+               "List what is found on every bus, with lines for a rig file, and exit")
+      ->excludes(rig);
   try {
     app.parse(argc, argv);
-    if (!arguments.check && data->count() == 0) throw CLI::RequiredError("--data");
+    if (!arguments.discover && rig->count() == 0) throw CLI::RequiredError("--rig");
+    if (!arguments.discover && !arguments.check && data->count() == 0)
+      throw CLI::RequiredError("--data");
     if (data->count() > 0 && arguments.data.empty())
       throw CLI::ValidationError("--data", "names no folder");
   } catch (const CLI::ParseError& e) {
@@ -126,6 +132,10 @@ int Main(int argc, char** argv) {
   if (absl::Status points = SetFailpointsFromEnvironment(); !points.ok()) return fail(points);
   DriverRegistry drivers;
   RegisterBuiltinDrivers(drivers);
+  if (arguments.discover) {
+    Discover(drivers, std::cout);
+    return 0;
+  }
   auto file = LoadRigFile(arguments.rig_file, drivers);
   if (!file.ok()) return fail(file.status());
   if (arguments.check) {

@@ -12,4 +12,8 @@ Driver<Camera> AravisDriver() {
   return driver;
 }
 
+Discovery AravisDiscovery() {
+  return [] { return DiscoverAravis(); };
+}
+
 }  // namespace lightstage

@@ -93,6 +93,28 @@ absl::Status AravisLink::Check(const _GError* error, std::string_view operation)
       {{"device", name_}, {"operation", std::string(operation)}, {"detail", error->message}});
 }
 
+std::vector<Discovered> DiscoverAravis() {
+  arv_update_device_list();
+  std::vector<Discovered> found;
+  for (unsigned int i = 0; i < arv_get_n_devices(); ++i) {
+    const std::string serial = OrEmpty(arv_get_device_serial_nbr(i)),
+                      protocol = OrEmpty(arv_get_device_protocol(i)),
+                      address = OrEmpty(arv_get_device_address(i));
+    if (protocol == "Fake") continue;  // libaravis' own, within this process
+    const bool gige = protocol == "GigEVision";
+    Discovered& camera = found.emplace_back();
+    camera.what = absl::StrFormat("%s camera %s %s, serial %s, at %s", protocol,
+                                  OrEmpty(arv_get_device_vendor(i)),
+                                  OrEmpty(arv_get_device_model(i)), serial, address);
+    camera.toml = absl::StrFormat(
+        "[camera]\ndriver = \"aravis\"\n# format, width, height, exposures_us: as the camera has "
+        "them\n"
+        "[camera.options]\n%sserial = %s\n",
+        gige ? absl::StrFormat("address = %s\n", TomlQuoted(address)) : "", TomlQuoted(serial));
+  }
+  return found;
+}
+
 AravisLink::AravisLink(const AravisOptions& options, std::string name, Clock& clock, Events events)
     : options_(options), name_(std::move(name)), clock_(clock), events_(std::move(events)) {}
 

@@ -12,7 +12,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "base/mutex.h"
-#include "drivers/api/camera.h"
+#include "drivers/api/registry.h"
 #include "drivers/aravis/capabilities.h"
 #include "drivers/aravis/options.h"
 
@@ -22,6 +22,9 @@ typedef struct _ArvStream ArvStream;
 struct _GError;
 
 namespace lightstage {
+
+// What answers on the network and on the USB. One thread at a time, and none that has a link open meanwhile.
+std::vector<Discovered> DiscoverAravis();
 
 class AravisLink {
  public:

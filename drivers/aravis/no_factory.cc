@@ -22,4 +22,10 @@ Driver<Camera> AravisDriver() {
   return driver;
 }
 
+Discovery AravisDiscovery() {
+  return []() -> absl::StatusOr<std::vector<Discovered>> {
+    return Error(absl::StatusCode::kUnimplemented, "DRIVER_NOT_BUILT", kMissing);
+  };
+}
+
 }  // namespace lightstage
