@@ -17,6 +17,10 @@ using std::chrono::milliseconds;
 constexpr Duration kPatience = milliseconds(300);
 constexpr Duration kSlice = milliseconds(50);  // of waiting for a reply
 
+// A message of which only a part arrived, when the program before this one ended, would swallow the next ones. So many zeros fill up the longest
+// and end it with what is no E7; between messages they are nothing.
+constexpr std::array<uint8_t, kProMaxData + 5> kFlush{};
+
 class ProWidget final : public DmxWidget {
  public:
   ProWidget(std::unique_ptr<UsbPort> port, Clock& clock)
@@ -30,12 +34,7 @@ class ProWidget final : public DmxWidget {
           FtdiLatencyRequest(1)}) {
       RETURN_IF_ERROR(port_->Control(request, kPatience));
     }
-    RETURN_IF_ERROR(Send(EncodeProGetSerial()));
-    absl::StatusOr<ProMessage> reply = Receive(kProGetSerial);
-    if (!reply.ok()) return NoPro(reply.status());
-    const std::optional<std::string> serial = DecodeProSerial(reply->data);
-    if (!serial.has_value()) return Odd(*reply, "serial number");
-    serial_ = *serial;
+    RETURN_IF_ERROR(NoPro(AskSerial()));
     return AskParameters();
   }
 
@@ -74,6 +73,16 @@ class ProWidget final : public DmxWidget {
       port_.reset();
     }
     return status;
+  }
+
+  absl::Status AskSerial() {
+    RETURN_IF_ERROR(Send(kFlush));
+    RETURN_IF_ERROR(Send(EncodeProGetSerial()));
+    ASSIGN_OR_RETURN(ProMessage reply, Receive(kProGetSerial));
+    const std::optional<std::string> serial = DecodeProSerial(reply.data);
+    if (!serial.has_value()) return Odd(reply, "serial number");
+    serial_ = *serial;
+    return absl::OkStatus();
   }
 
   absl::Status AskParameters() {
