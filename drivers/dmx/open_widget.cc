@@ -1,3 +1,5 @@
+#include <spdlog/spdlog.h>
+
 #include <array>
 #include <thread>
 #include <utility>
@@ -109,6 +111,7 @@ class OpenWidget final : public DmxWidget {
       mutex_.Lock();
       if (!sent.ok()) {
         failure_ = Annotate(sent, "frames are no longer sent");
+        spdlog::error("dmx: widget {}: {}", identity_.serial, MessageOf(failure_));
         break;
       }
       shown_ = begun_;
