@@ -39,6 +39,13 @@ struct Found {
   VideoDescription description;
 };
 
+absl::StatusOr<Found> LookAt(VideoSystem& system, const std::string& path,
+                             const std::string& name) {
+  ASSIGN_OR_RETURN(VideoPort port, VideoPort::Open(system, path, name));
+  ASSIGN_OR_RETURN(VideoDescription description, DescribeVideo(port));
+  return Found{std::move(port), std::move(description)};
+}
+
 // The one node that is wanted. A camera that was plugged in again may have another number.
 absl::StatusOr<Found> FindCamera(VideoSystem& system, const V4l2Options& options,
                                  const std::string& name, const VideoDescription* same) {
@@ -53,28 +60,27 @@ absl::StatusOr<Found> FindCamera(VideoSystem& system, const V4l2Options& options
   absl::Status trouble;
   std::string others;
   for (const std::string& path : paths) {
-    absl::StatusOr<VideoPort> port = VideoPort::Open(system, path, name);
-    absl::StatusOr<VideoDescription> description(port.status());
-    if (port.ok()) description = DescribeVideo(*port);
-    if (!description.ok()) {
-      trouble = description.status();
+    absl::StatusOr<Found> candidate = LookAt(system, path, name);
+    if (!candidate.ok()) {
+      trouble = candidate.status();
       if (!anywhere) return trouble;
       continue;
     }
-    if (!Wanted(options, *description, same) || !description->captures) {
-      absl::StrAppend(&others, others.empty() ? "" : "; ", path, ": ", description->card, " (",
-                      description->bus_info, ")", description->captures ? "" : " does not capture");
-      if (description->multi_planar) absl::StrAppend(&others, " but multi-planar");
+    const VideoDescription& description = candidate->description;
+    if (!Wanted(options, description, same) || !description.captures) {
+      absl::StrAppend(&others, others.empty() ? "" : "; ", path, ": ", description.card, " (",
+                      description.bus_info, ")", description.captures ? "" : " does not capture");
+      if (description.multi_planar) absl::StrAppend(&others, " but multi-planar");
       continue;
     }
     if (found) {
       return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
                    absl::StrCat(name, ": ", Named(options), " is both ", found->port.path(),
                                 " and ", path, "; bus_info tells them apart: ",
-                                found->description.bus_info, ", ", description->bus_info),
+                                found->description.bus_info, ", ", description.bus_info),
                    {{"device", name}});
     }
-    found.emplace(Found{*std::move(port), *std::move(description)});
+    found.emplace(*std::move(candidate));
   }
   if (found) return *std::move(found);
   if (!trouble.ok() && others.empty()) return trouble;
