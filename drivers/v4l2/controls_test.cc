@@ -13,6 +13,8 @@ namespace {
 class ControlsTest : public testing::Test {
  protected:
   VideoControls& Open(std::vector<FakeControl> controls) {
+    controls_.reset();
+    port_.reset();
     FakeSetup setup;
     setup.controls = std::move(controls);
     camera_ = std::make_unique<FakeCamera>(setup);

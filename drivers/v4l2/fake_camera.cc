@@ -311,7 +311,9 @@ void FakeCamera::Paint(Buffer& buffer, TimePoint read_from, Duration exposure) {
   size_t used = 0;
   for (int y = 0; y < height_; ++y) {
     const TimePoint row_read = read_from + setup_.readout * y / height_;
-    const double light = setup_.pattern ? 0 : Light(row_read - exposure, row_read);
+    const bool dark =
+        setup_.pattern || (setup_.composes && static_cast<uint32_t>(y) >= composed_[1]);
+    const double light = dark ? 0 : Light(row_read - exposure, row_read);
     const auto level = static_cast<unsigned>(std::lround(light * 0.75 * ((1 << bits) - 1)));
     std::vector<uint8_t> line;
     if (setup_.pattern) {
@@ -445,6 +447,8 @@ int FakeCamera::SetFormat(void* argument) {
                          [&](const auto& a, const auto& b) { return distance(a) < distance(b); });
     std::tie(width_, height_) = *nearest;
   }
+  composed_[0] = static_cast<uint32_t>(width_) / 2;
+  composed_[1] = static_cast<uint32_t>(height_) / 2;
   FillFormat(argument);
   return 0;
 }
@@ -458,8 +462,12 @@ int FakeCamera::Format(unsigned long request, void* argument) {
       FillFormat(argument);
       return 0;
     case VIDIOC_G_SELECTION: {
-      if (!setup_.crops) return ENOTTY;
       auto& selection = *static_cast<v4l2_selection*>(argument);
+      if (setup_.composes && selection.target == V4L2_SEL_TGT_COMPOSE) {
+        selection.r = {0, 0, composed_[0], composed_[1]};
+        return 0;
+      }
+      if (!setup_.crops) return ENOTTY;
       if (selection.target == V4L2_SEL_TGT_CROP_DEFAULT) {
         selection.r = {0, 0, static_cast<uint32_t>(sensor_width),
                        static_cast<uint32_t>(sensor_height)};
@@ -471,9 +479,15 @@ int FakeCamera::Format(unsigned long request, void* argument) {
       return 0;
     }
     case VIDIOC_S_SELECTION: {
-      if (!setup_.crops) return ENOTTY;
       if (!buffers_.empty()) return EBUSY;
       auto& r = static_cast<v4l2_selection*>(argument)->r;
+      if (setup_.composes &&
+          static_cast<v4l2_selection*>(argument)->target == V4L2_SEL_TGT_COMPOSE) {
+        composed_[0] = std::min(r.width, static_cast<uint32_t>(width_));
+        composed_[1] = std::min(r.height, static_cast<uint32_t>(height_));
+        return 0;
+      }
+      if (!setup_.crops) return ENOTTY;
       crop_[0] = r.left / kCropStep * kCropStep;
       crop_[1] = r.top / kCropStep * kCropStep;
       crop_[2] = std::min(static_cast<int>(r.width) / kCropStep * kCropStep, sensor_width);

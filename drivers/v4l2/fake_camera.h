@@ -45,6 +45,8 @@ struct FakeSetup {
   std::vector<FakeFormat> formats;
   std::vector<FakeControl> controls;
   bool crops = false;  // a region, in steps of 4
+  bool composes =
+      false;  // leaves the picture in a quarter of the frame unless it is told otherwise
   Duration interval = std::chrono::milliseconds(20);
   bool tells_interval = true;
   Duration readout = std::chrono::milliseconds(6);          // from the first to the last row
@@ -130,6 +132,7 @@ class FakeCamera {
   uint32_t fourcc_ ABSL_GUARDED_BY(mutex_) = 0;
   int width_ ABSL_GUARDED_BY(mutex_) = 0, height_ ABSL_GUARDED_BY(mutex_) = 0;
   int crop_[4] ABSL_GUARDED_BY(mutex_) = {};  // left, top, width, height
+  uint32_t composed_[2] ABSL_GUARDED_BY(mutex_) = {};
   Duration interval_ ABSL_GUARDED_BY(mutex_);
   FakeStamp stamp_ ABSL_GUARDED_BY(mutex_);
 

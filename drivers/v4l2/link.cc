@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <cstring>
 
 #include "absl/strings/str_format.h"
 
@@ -281,7 +282,7 @@ absl::Status V4l2Link::SetFormat(const VideoFormat& video, int width, int height
   yuv_range_ = quantization == V4L2_QUANTIZATION_FULL_RANGE ? YuvRange::kFull : YuvRange::kLimited;
   video_ = video;
   bytes_per_line_ = pix.bytesperline;
-  return absl::OkStatus();
+  return Compose(width, height);
 }
 
 absl::Status V4l2Link::Crop(int width, int height) {
@@ -311,12 +312,36 @@ absl::Status V4l2Link::Crop(int width, int height) {
                       crop.r.top));
 }
 
+// A device that can put the picture into a part of the frame must fill it.
+absl::Status V4l2Link::Compose(int width, int height) {
+  v4l2_selection compose = {};
+  compose.type = kType;
+  compose.target = V4L2_SEL_TGT_COMPOSE;
+  if (int error = port_.Try(VIDIOC_G_SELECTION, &compose); error != 0) {
+    return error == ENODEV ? port_.ErrorOf(error, "VIDIOC_G_SELECTION") : absl::OkStatus();
+  }
+  const v4l2_rect whole = {0, 0, static_cast<uint32_t>(width), static_cast<uint32_t>(height)};
+  auto fills = [&] { return std::memcmp(&compose.r, &whole, sizeof whole) == 0; };
+  if (fills()) return absl::OkStatus();
+  compose.r = whole;
+  RETURN_IF_ERROR(port_.Call(VIDIOC_S_SELECTION, "VIDIOC_S_SELECTION", &compose));
+  compose = {};
+  compose.type = kType;
+  compose.target = V4L2_SEL_TGT_COMPOSE;
+  RETURN_IF_ERROR(port_.Call(VIDIOC_G_SELECTION, "VIDIOC_G_SELECTION", &compose));
+  if (fills()) return absl::OkStatus();
+  return port_.Refuse("CAMERA_FORMAT",
+                      absl::StrFormat("the picture fills %dx%d of a frame of %dx%d",
+                                      compose.r.width, compose.r.height, width, height));
+}
+
 // The region is set before and after the size: without a scaler the size follows the region, with one a new size may widen it.
 absl::Status V4l2Link::SetRegion(const VideoFormat& video, int width, int height) {
   RETURN_IF_ERROR(Crop(width, height));
   RETURN_IF_ERROR(SetFormat(video, width, height));
   RETURN_IF_ERROR(Crop(width, height));
-  // Setting it may have set the size back.
+  RETURN_IF_ERROR(Compose(width, height));
+  // Setting them may have set the size back.
   v4l2_format format = {};
   format.type = kType;
   RETURN_IF_ERROR(port_.Call(VIDIOC_G_FMT, "VIDIOC_G_FMT", &format));

@@ -72,6 +72,7 @@ class V4l2Link {
   absl::Status SetFormat(const VideoFormat& video, int width, int height);
   absl::Status SetRegion(const VideoFormat& video, int width, int height);
   absl::Status Crop(int width, int height);
+  absl::Status Compose(int width, int height);
   absl::Status SetInterval();
   absl::Status MapBuffers();
 

@@ -346,6 +346,18 @@ TEST_F(V4l2CameraTest, TheRegionIsInTheMiddle) {
   EXPECT_EQ(static_cast<unsigned>(frame->data.back()), FakeSample(47, 31, 0, 8));
 }
 
+TEST_F(V4l2CameraTest, ThePictureFillsTheFrame) {
+  FakeSetup setup = Webcam();
+  setup.composes = true;
+  PlugIn(setup);
+  ASSERT_TRUE(Open().ok());
+  fake_->SetLight(1);
+  ASSERT_TRUE(photographer().Ready({PixelFormat::kMono8, 64, 48, 0}).ok());
+  const absl::StatusOr<Frame> frame = photographer().Take(milliseconds(5));
+  ASSERT_TRUE(frame.ok()) << frame.status();
+  for (std::byte b : frame->data) ASSERT_EQ(static_cast<int>(b), 191);
+}
+
 TEST_F(V4l2CameraTest, ARateThatIsNotTakenIsRefused) {
   PlugIn(Webcam());
   V4l2Options options = Options();
