@@ -1,6 +1,8 @@
 #include "daemon/app/builtin_drivers.h"
 
 #include "drivers/aravis/driver.h"
+#include "drivers/dmx/driver.h"
+#include "drivers/v4l2/driver.h"
 #include "sim/peers/gige/drivers.h"
 #include "sim/rig/drivers.h"
 
@@ -11,6 +13,10 @@ std::shared_ptr<sim::Simulation> RegisterBuiltinDrivers(DriverRegistry& registry
   sim::RegisterGigePeer(registry, simulation);
   registry.cameras["aravis"] = AravisDriver();
   registry.discoveries["aravis"] = AravisDiscovery();
+  registry.cameras["v4l2"] = V4l2Driver();
+  registry.discoveries["v4l2"] = V4l2Discovery();
+  registry.lamps["dmx"] = DmxDriver();
+  registry.discoveries["dmx"] = DmxDiscovery();
   return simulation;
 }
 

@@ -128,9 +128,15 @@ class LinkedLamps final : public Lamps {
  public:
   LinkedLamps(const DeviceContext& context, std::unique_ptr<LampsLink> link)
       : light_(context, std::move(link), "LAMPS_BUSY") {}
-  ~LinkedLamps() override { light_.Close(Setting(AllDark())); }
+  ~LinkedLamps() override {
+    if (connected_) light_.Close(Setting(AllDark()));
+  }
 
-  absl::Status Connect(std::string_view driver) { return light_.Connect(driver, &info_); }
+  absl::Status Connect(std::string_view driver) {
+    RETURN_IF_ERROR(light_.Connect(driver, &info_));
+    connected_ = true;
+    return absl::OkStatus();
+  }
   const LampsInfo& info() const override { return info_; }
 
   void Set(const std::vector<float>& levels, TimePoint deadline,
@@ -154,7 +160,7 @@ class LinkedLamps final : public Lamps {
   }
 
   absl::Status Refresh() override {
-    if (info_.max_time_to_dark == Duration::zero()) return absl::OkStatus();
+    // Also of lamps without a timer: their link may know that they are no longer told their levels.
     MutexLock lock(&mutex_);
     if (!refreshing_) {
       refreshing_ = true;
@@ -178,6 +184,7 @@ class LinkedLamps final : public Lamps {
   }
 
   LampsInfo info_;
+  bool connected_ = false;  // else there is nothing to darken
   Mutex mutex_;
   bool refreshing_ ABSL_GUARDED_BY(mutex_) = false;
   absl::Status refreshed_ ABSL_GUARDED_BY(mutex_);  // how the last one went
