@@ -1,0 +1,159 @@
+#include "drivers/display/x11_server.h"
+
+#include <unistd.h>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "base/status.h"
+#include "drivers/display/screen_wire.h"
+
+// clang-format off: Xlib's macros (Status, None, …) must come last, and go at once
+#include <X11/Xlib.h>
+#include <X11/Xutil.h>
+#include <X11/extensions/Xrandr.h>
+#undef None
+#undef Status
+// clang-format on
+
+namespace lightstage {
+namespace {
+
+// Xlib takes it that the process ends here; this one may.
+int DisplayGone(Display*) { _exit(kDisplayGoneExit); }
+
+// Requests that came too late for an output or window are answered by what is then read; nothing to end the process for.
+int Ignore(Display*, XErrorEvent*) { return 0; }
+
+double RefreshOf(const XRRScreenResources& resources, RRMode mode) {
+  for (int i = 0; i < resources.nmode; ++i) {
+    const XRRModeInfo& info = resources.modes[i];
+    if (info.id != mode || info.hTotal == 0 || info.vTotal == 0) continue;
+    double lines = info.vTotal;
+    if (info.modeFlags & RR_DoubleScan) lines *= 2;
+    if (info.modeFlags & RR_Interlace) lines /= 2;
+    return static_cast<double>(info.dotClock) / (info.hTotal * lines);
+  }
+  return 0;
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<X11Server>> X11Server::Connect(const std::string& name) {
+  XSetIOErrorHandler(DisplayGone);
+  XSetErrorHandler(Ignore);
+  Display* display = XOpenDisplay(name.empty() ? nullptr : name.c_str());
+  if (display == nullptr) {
+    const std::string shown = XDisplayName(name.empty() ? nullptr : name.c_str());
+    return Error(absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND",
+                 absl::StrCat("there is no X server at \"", shown,
+                              "\", or it refuses us (x_display, DISPLAY, XAUTHORITY)"));
+  }
+  std::unique_ptr<X11Server> server(new X11Server(display));
+  int event = 0, error = 0, major = 0, minor = 0;
+  if (!XRRQueryExtension(display, &event, &error) || !XRRQueryVersion(display, &major, &minor) ||
+      major * 100 + minor < 103) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrCat("the X server ", XDisplayString(display),
+                              " has no RandR 1.3, by which outputs are told apart"));
+  }
+  return server;
+}
+
+X11Server::~X11Server() { XCloseDisplay(static_cast<Display*>(display_)); }
+
+std::vector<Head> X11Server::Heads() {
+  auto* display = static_cast<Display*>(display_);
+  std::vector<Head> heads;
+  XRRScreenResources* resources = XRRGetScreenResourcesCurrent(display, DefaultRootWindow(display));
+  if (resources == nullptr) return heads;
+  for (int i = 0; i < resources->noutput; ++i) {
+    XRROutputInfo* output = XRRGetOutputInfo(display, resources, resources->outputs[i]);
+    if (output == nullptr) continue;
+    XRRCrtcInfo* crtc = output->crtc != 0 && output->connection != RR_Disconnected
+                            ? XRRGetCrtcInfo(display, resources, output->crtc)
+                            : nullptr;
+    if (crtc != nullptr && crtc->mode != 0) {
+      Head head;
+      head.name.assign(output->name, static_cast<size_t>(output->nameLen));
+      head.x = crtc->x;
+      head.y = crtc->y;
+      head.width = static_cast<int>(crtc->width);
+      head.height = static_cast<int>(crtc->height);
+      head.refresh_hz = RefreshOf(*resources, crtc->mode);
+      if (output->npreferred > 0) {
+        head.preferred = false;
+        for (int k = 0; k < output->npreferred && k < output->nmode; ++k) {
+          if (output->modes[k] == crtc->mode) head.preferred = true;
+        }
+      }
+      head.output = resources->outputs[i];
+      head.crtc = output->crtc;
+      head.mode = crtc->mode;
+      heads.push_back(std::move(head));
+    }
+    if (crtc != nullptr) XRRFreeCrtcInfo(crtc);
+    XRRFreeOutputInfo(output);
+  }
+  XRRFreeScreenResources(resources);
+  return heads;
+}
+
+absl::Status X11Server::Check(const Head& head) {
+  for (const Head& now : Heads()) {
+    if (now.output != head.output) continue;
+    if (now.width == head.width && now.height == head.height && now.x == head.x &&
+        now.y == head.y && now.mode == head.mode) {
+      return absl::OkStatus();
+    }
+    const std::string was = absl::StrFormat("%dx%d+%d+%d at %.3g Hz", head.width, head.height,
+                                            head.x, head.y, head.refresh_hz),
+                      is = absl::StrFormat("%dx%d+%d+%d at %.3g Hz", now.width, now.height, now.x,
+                                           now.y, now.refresh_hz);
+    return Error(absl::StatusCode::kFailedPrecondition, "DISPLAY_CHANGED",
+                 absl::StrCat("output ", head.name, " was changed from ", was, " to ", is),
+                 {{"output", head.name}, {"was", was}, {"is", is}});
+  }
+  return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
+               absl::StrCat("output ", head.name, " was unplugged or switched off"),
+               {{"output", head.name}});
+}
+
+absl::Status X11Server::CheckPixels(const Head& head, std::span<const uint32_t> pixels) {
+  auto* display = static_cast<Display*>(display_);
+  XImage* image = XGetImage(display, DefaultRootWindow(display), head.x, head.y,
+                            static_cast<unsigned>(head.width), static_cast<unsigned>(head.height),
+                            AllPlanes, ZPixmap);
+  if (image == nullptr) {
+    RETURN_IF_ERROR(Check(head));
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT",
+                 absl::StrCat("output ", head.name, ": the X server does not tell what it shows"));
+  }
+  absl::Status same;
+  const bool plain = image->bits_per_pixel == 32 && image->red_mask == 0xff0000 &&
+                     image->green_mask == 0xff00 && image->blue_mask == 0xff &&
+                     image->byte_order == LSBFirst;
+  if (!plain) {
+    same = Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrCat("output ", head.name, ": the X screen has ", image->depth,
+                              " bits a pixel; it must have 24, eight a channel"));
+  }
+  for (int y = 0; same.ok() && y < head.height; ++y) {
+    const auto* row = reinterpret_cast<const uint32_t*>(image->data + static_cast<size_t>(y) *
+                                                                          image->bytes_per_line);
+    for (int x = 0; x < head.width; ++x) {
+      const uint32_t want = pixels[static_cast<size_t>(y) * head.width + x], is = row[x] & 0xffffff;
+      if (is == want) continue;
+      same =
+          Error(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT",
+                absl::StrFormat(
+                    "output %s shows %06x instead of %06x at pixel (%d, %d): something else is on "
+                    "the screen",
+                    head.name, is, want, x, y));
+      break;
+    }
+  }
+  XDestroyImage(image);
+  return same;
+}
+
+}  // namespace lightstage
