@@ -1,0 +1,49 @@
+// A DLPC350 as a link for drivers/link/light_link.h.
+#pragma once
+
+#include <memory>
+
+#include "drivers/dlpc350/controller.h"
+#include "drivers/dlpc350/options.h"
+#include "drivers/link/light_link.h"
+
+namespace lightstage::dlpc350 {
+
+// The mirrors of the DLP4500.
+inline constexpr int kMirrorColumns = 912, kMirrorRows = 1140;
+
+class Link final : public ProjectorLink {
+ public:
+  // `screen` shows the patterns in video mode; nothing in flash mode.
+  Link(const DeviceContext& context, Options options, HidOpener open,
+       std::unique_ptr<Projector> screen);
+
+  absl::Status Connect() override;
+  ProjectorInfo info() const override;
+  // DEVICE_FAULT also if the mirrors are parked, the sequencer stands, or an error flag is up; FAILED_PRECONDITION / PATTERN_NOT_STORED if the
+  // flash has no such pattern. After an error the LEDs are off, unless the device is lost or silent.
+  absl::Status Show(const Pattern& pattern) override;
+
+ private:
+  absl::Status Configure();
+  absl::Status Dark();
+  absl::Status ShowStored(const Pattern& pattern);
+  absl::Status ShowVideo(const Pattern& pattern);
+  absl::Status ShowOnScreen(const Pattern& pattern);
+  // That it works, and runs if `light`.
+  absl::Status CheckHealth(bool light);
+  absl::Status AwaitHealth(bool light, Duration patience);
+  absl::Status Named(const absl::Status& status) const;
+
+  const std::string name_;
+  Clock& clock_;
+  const Options options_;
+  const HidOpener open_;
+  const std::unique_ptr<Projector> screen_;
+  const int width_, height_;
+  std::unique_ptr<Controller> controller_;  // nothing: not connected
+  std::string serial_, version_;
+  bool connected_once_ = false;
+};
+
+}  // namespace lightstage::dlpc350
