@@ -58,6 +58,10 @@ absl::Status Link::Connect() {
   }
   controller_ = std::make_unique<Controller>(*std::move(port));
   if (absl::Status configured = Configure(); !configured.ok()) {
+    // After power-on it shows its video input by itself; as well as it still can it is left dark.
+    if (ErrorReason(configured) == "DEVICE_FAULT") {
+      (void)controller_->Set(kLedEnable, {kLedsOff});
+    }
     controller_.reset();
     return Named(configured);
   }
