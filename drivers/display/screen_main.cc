@@ -111,4 +111,7 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace lightstage
 
-int main(int argc, char** argv) { return lightstage::Main(argc, argv); }
+int main(int argc, char** argv) {
+  // At once: what SDL's libraries would do on exit may wait for a server that is gone, and what they hold needs no freeing.
+  _exit(lightstage::Main(argc, argv));
+}

@@ -17,7 +17,7 @@ using Steady = std::chrono::steady_clock;
 
 std::string Hex(std::span<const uint8_t> bytes) {
   std::string hex;
-  for (uint8_t byte : bytes) absl::StrAppendFormat(&hex, hex.empty() ? "%02x" : " %02x", byte);
+  for (uint8_t byte : bytes) absl::StrAppendFormat(&hex, "%s%02x", hex.empty() ? "" : " ", byte);
   return hex;
 }
 
