@@ -162,8 +162,10 @@ bool V4l2Capabilities::FitSize(const FrameSizes& sizes, CameraConfig& config,
   if (crop_step > 0 || sizes.discrete.empty()) {
     FrameSizes::Range width = sizes.width, height = sizes.height;
     if (crop_step > 0) {
-      width = {crop_step, sensor_width / crop_step * crop_step, crop_step};
-      height = {crop_step, sensor_height / crop_step * crop_step, crop_step};
+      width = {std::max(crop_min_width, crop_step), sensor_width / crop_step * crop_step,
+               crop_step};
+      height = {std::max(crop_min_height, crop_step), sensor_height / crop_step * crop_step,
+                crop_step};
       // The whole sensor is there however odd it is.
       if (config.width == sensor_width) width = {sensor_width, sensor_width, 1};
       if (config.height == sensor_height) height = {sensor_height, sensor_height, 1};

@@ -29,6 +29,7 @@ struct V4l2Capabilities {
   // Region of interest by cropping, in steps; 0: it can not, and only sizes that the camera offers are valid.
   int crop_step = 0;
   int crop_left = 0, crop_top = 0;  // of the sensor's picture elements
+  int crop_min_width = 0, crop_min_height = 0;
   int sensor_width = 0, sensor_height = 0;
 
   std::optional<Exposure> exposure;

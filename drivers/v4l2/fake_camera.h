@@ -100,8 +100,11 @@ class FakeCamera {
 
  private:
   friend class FakeHandle;
-  struct Buffer;
-  struct Finished;
+  struct Buffer {
+    std::vector<std::byte> memory;
+    uint32_t used = 0, sequence = 0, flags = 0;
+    int64_t stamp_us = 0;
+  };
 
   int Do(uint64_t epoch, unsigned long request, void* argument);
   int Enumerate(unsigned long request, void* argument) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -236,10 +236,28 @@ void V4l2Link::LearnCropping() {
     const int height = sized.sensor_height / step * step - 2 * step;
     if (width <= 0 || height <= 0) break;
     capabilities_.crop_step = step;
-    if (SetRegion(video, width, height).ok()) return;
+    if (SetRegion(video, width, height).ok()) return LearnSmallestRegion();
   }
   capabilities_ = before;
   Crop(sized.sensor_width, sized.sensor_height).IgnoreError();  // as it was found; S_FMT reads back
+}
+
+// What the device makes of a region that is too small.
+void V4l2Link::LearnSmallestRegion() {
+  V4l2Capabilities& caps = capabilities_;
+  const int step = caps.crop_step;
+  v4l2_selection crop = {};
+  crop.type = kType;
+  crop.target = V4L2_SEL_TGT_CROP;
+  crop.r = {caps.crop_left, caps.crop_top, static_cast<uint32_t>(step),
+            static_cast<uint32_t>(step)};
+  if (port_.Try(VIDIOC_S_SELECTION, &crop) != 0) return;
+  auto least = [&](uint32_t got, int whole) {
+    const int side = static_cast<int>(std::min<uint32_t>(got, whole));
+    return std::min((side + step - 1) / step * step, whole / step * step);
+  };
+  caps.crop_min_width = least(crop.r.width, caps.sensor_width);
+  caps.crop_min_height = least(crop.r.height, caps.sensor_height);
 }
 
 // ---- Configuration

@@ -68,6 +68,7 @@ class V4l2Link {
   absl::Status LearnExposure();
   absl::Status LearnGain();
   void LearnCropping();
+  void LearnSmallestRegion();
   absl::Status Prepare();
   absl::Status SetFormat(const VideoFormat& video, int width, int height);
   absl::Status SetRegion(const VideoFormat& video, int width, int height);

@@ -337,6 +337,8 @@ TEST_F(V4l2CameraTest, TheRegionIsInTheMiddle) {
   PlugIn(setup);
   ASSERT_TRUE(Open().ok());
   EXPECT_EQ(camera_->Validate({PixelFormat::kMono8, 31, 16, 0}).config.width, 28);
+  EXPECT_EQ(camera_->Validate({PixelFormat::kMono8, 4, 16, 0}).config.width, 8);
+  EXPECT_TRUE(photographer().Configure({PixelFormat::kMono8, 8, 8, 0}).ok());
   ASSERT_TRUE(photographer().Ready({PixelFormat::kMono8, 32, 16, 0}).ok());
   EXPECT_EQ(fake_->region_at(), std::pair(16, 16));
   const absl::StatusOr<Frame> frame = photographer().Take(milliseconds(5));

@@ -1,7 +1,10 @@
 // The driver against the kernel's vivid, in a virtual machine: not part of ctest. The node is in LIGHTSTAGE_VIDEO_DEVICE:
 //
 //   modprobe vivid n_devs=1 node_types=0x1 num_inputs=1 input_types=0x0
-//   LIGHTSTAGE_VIDEO_DEVICE=/dev/video0 vm_test_v4l2
+//   LIGHTSTAGE_VIDEO_DEVICE=/dev/video0 LIGHTSTAGE_VIDEO_FRAMES_PER_S=10 vm_test_v4l2
+//
+// That is a webcam, whose rate can be set (it is 2 frames/s otherwise) and which has a few sizes. With input_types=0x3 it is a grabber,
+// which cuts regions and scales; its rate is its source's, and the second variable must be left out.
 //
 // Frames come when they come there: nothing here asserts a rate.
 #include <fcntl.h>
@@ -43,7 +46,9 @@ std::string Node() {
 V4l2Options Options() {
   V4l2Options options;
   options.device = Node();
-  options.frames_per_s = 10;  // not the fastest: the machine is slow
+  if (const char* rate = std::getenv("LIGHTSTAGE_VIDEO_FRAMES_PER_S")) {
+    options.frames_per_s = std::atof(rate);
+  }
   options.fixed_exposure =
       milliseconds(10);  // vivid has no control for it; the suite asks for 10 ms
   return options;
