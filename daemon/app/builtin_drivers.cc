@@ -1,6 +1,8 @@
 #include "daemon/app/builtin_drivers.h"
 
 #include "drivers/aravis/driver.h"
+#include "drivers/display/driver.h"
+#include "drivers/dlpc350/driver.h"
 #include "drivers/dmx/driver.h"
 #include "drivers/v4l2/driver.h"
 #include "sim/peers/gige/drivers.h"
@@ -17,6 +19,10 @@ std::shared_ptr<sim::Simulation> RegisterBuiltinDrivers(DriverRegistry& registry
   registry.discoveries["v4l2"] = V4l2Discovery();
   registry.lamps["dmx"] = DmxDriver();
   registry.discoveries["dmx"] = DmxDiscovery();
+  registry.projectors["display"] = DisplayDriver();
+  registry.discoveries["display"] = DisplayDiscovery();
+  registry.projectors["dlpc350"] = Dlpc350Driver(DisplayDriver());
+  registry.discoveries["dlpc350"] = Dlpc350Discovery();
   return simulation;
 }
 
