@@ -28,7 +28,7 @@ class ModbusDrive final : public AxisLink {
  public:
   ModbusDrive(const ModbusAxisOptions& options, const DeviceContext& context)
       : o_(options),
-        profile_(options.profile),
+        profile_(o_.profile),
         name_(context.name),
         clock_(*context.clock),
         client_(options.line, options.unit, context.name, *context.clock) {}

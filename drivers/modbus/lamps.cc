@@ -30,7 +30,7 @@ class ModbusLampsLink final : public LampsLink {
   }
 
   absl::Status Connect() override {
-    confirmed_.clear();
+    known_ = false;
     for (Board& board : boards_) RETURN_IF_ERROR(board.client.Connect());
     RETURN_IF_ERROR(WriteWatchdog());
     return Set(std::vector<float>(o_.lamps(), 0.0f)).status();
@@ -47,16 +47,17 @@ class ModbusLampsLink final : public LampsLink {
   }
 
   absl::StatusOr<std::vector<float>> Set(const std::vector<float>& levels) override {
-    std::vector<int> wanted(levels.size());
-    for (size_t i = 0; i < levels.size(); ++i) {
+    // A device that could not be opened is made dark without its levels being known.
+    std::vector<int> wanted(o_.lamps());
+    for (size_t i = 0; i < std::min(levels.size(), wanted.size()); ++i) {
       wanted[i] = static_cast<int>(std::lround(static_cast<double>(levels[i]) * o_.full));
     }
-    const std::vector<int> before = std::exchange(confirmed_, {});
+    const bool known = std::exchange(known_, false);
     // A board that fails does not keep the others lit.
     absl::Status first_error;
     for (Board& board : boards_) {
       for (const LampRun& run : board.runs) {
-        first_error.Update(WriteRun(board, run, wanted, before));
+        first_error.Update(WriteRun(board, run, wanted, known));
         if (!first_error.ok()) break;
       }
     }
@@ -65,9 +66,9 @@ class ModbusLampsLink final : public LampsLink {
       for (const LampRun& run : board.runs) RETURN_IF_ERROR(ConfirmRun(board, run, wanted));
     }
     RETURN_IF_ERROR(Refresh());
-    confirmed_ = wanted;
-    std::vector<float> taken(levels.size());
-    for (size_t i = 0; i < levels.size(); ++i) {
+    known_ = true;
+    std::vector<float> taken(wanted.size());
+    for (size_t i = 0; i < wanted.size(); ++i) {
       taken[i] = static_cast<float>(wanted[i]) / static_cast<float>(o_.full);
     }
     return taken;
@@ -103,12 +104,16 @@ class ModbusLampsLink final : public LampsLink {
   bool Coil(int level) const { return (level > 0) != o_.inverted; }
 
   absl::Status WriteRun(Board& board, const LampRun& run, const std::vector<int>& wanted,
-                        const std::vector<int>& before) {
+                        bool known) {
     if (o_.single_writes) {
+      // One by one takes long: only what differs, and all if it is not known what there is.
+      std::vector<int> now;
+      if (known) {
+        ASSIGN_OR_RETURN(now, ReadRun(board, run));
+      }
       for (size_t i = 0; i < run.lamps.size(); ++i) {
         const int lamp = Lamp(board, run, i), address = run.first + static_cast<int>(i);
-        // One by one takes long: only what changes, unless it is not known what is.
-        if (!before.empty() && before[lamp] == wanted[lamp]) continue;
+        if (known && now[i] == wanted[lamp]) continue;
         RETURN_IF_ERROR(
             o_.registers ? board.client.WriteRegister(address, static_cast<uint16_t>(wanted[lamp]))
                          : board.client.WriteCoil(address, Coil(wanted[lamp])));
@@ -191,8 +196,8 @@ class ModbusLampsLink final : public LampsLink {
   const std::string name_;
   Clock& clock_;
   std::vector<Board> boards_;
-  std::vector<int> confirmed_;  // by lamp; empty: not known
-  int watchdog_ = 0;            // register value; 0: never dark by itself
+  bool known_ = false;  // the last Set was confirmed
+  int watchdog_ = 0;    // register value; 0: never dark by itself
 };
 
 }  // namespace
