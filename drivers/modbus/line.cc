@@ -250,6 +250,7 @@ absl::Status Line::OpenLocked(const std::string& device) {
 
 void Line::CloseLocked() {
   if (context_ == nullptr) return;
+  if (!options_.tcp()) ioctl(modbus_get_socket(context_), TIOCNXCL);
   modbus_close(context_);
   modbus_free(context_);
   context_ = nullptr;

@@ -299,18 +299,19 @@ TEST_F(DriveTest, SilenceOnTheWayEndsTheMoveAndHaltsIt) {
 }
 
 TEST_F(DriveTest, AStopThatIsNotAnsweredIsToldAgain) {
-  Start();
-  ASSERT_TRUE(Home().ok());
-  auto move = BeginMove(80);
-  drive_->SetSerial(0);  // nothing to do with it
-  // One read may be on its way when the stop begins.
-  bench_.server().Inject(WireFault::kSilence, 1);
-  Pending<AxisState> stopped(bench_.clock());
-  axis_->Stop(bench_.In(seconds(20)), stopped.sink());
-  EXPECT_EQ(ErrorReason(move->Wait(kNever, "Move").status()), "STOPPED");
-  stopped.Wait(kNever, "Stop").status().IgnoreError();
-  EXPECT_TRUE(ComesToRest());
-  EXPECT_LT(World().position.degrees(), 79);
+  for (Wire wire : {Wire::kTcp, Wire::kRtu}) {
+    Start("generic", wire);
+    ASSERT_TRUE(Home().ok());
+    auto move = BeginMove(80);
+    bench_.server().Inject(WireFault::kSilentWrite, 1);
+    Pending<AxisState> stopped(bench_.clock());
+    axis_->Stop(bench_.In(seconds(20)), stopped.sink());
+    EXPECT_EQ(ErrorReason(move->Wait(kNever, "Move").status()), "STOPPED");
+    EXPECT_TRUE(stopped.Wait(kNever, "Stop").ok());
+    EXPECT_FALSE(World().moving);
+    EXPECT_LT(World().position.degrees(), 79);
+    axis_.reset();
+  }
 }
 
 TEST_F(DriveTest, ALostConnectionComesBackByHoming) {

@@ -228,16 +228,18 @@ void ModbusServer::Answer(int fd, int transaction, int unit, std::span<const uin
   ++requests_;
   const auto device = devices_.find(unit);
   if (device == devices_.end()) return;
+  const ParsedRequest parsed = ParseRequest(unit, pdu);
+  const bool counts =
+      fault_ != WireFault::kSilentWrite || (parsed.request && parsed.request->writes());
   WireFault fault = WireFault::kNone;
-  if (skip_ > 0) {
+  if (counts && skip_ > 0) {
     --skip_;
-  } else if (times_ > 0) {
+  } else if (counts && times_ > 0) {
     --times_;
     fault = fault_;
   }
-  if (fault == WireFault::kSilence) return;
+  if (fault == WireFault::kSilence || fault == WireFault::kSilentWrite) return;
   std::vector<uint8_t> reply;
-  const ParsedRequest parsed = ParseRequest(unit, pdu);
   if (fault == WireFault::kException || !parsed.request) {
     reply = ExceptionPdu(pdu.empty() ? 0 : pdu[0],
                          fault == WireFault::kException ? parameter_ : parsed.exception);

@@ -29,13 +29,14 @@ class ModbusDevice {
 
 enum class WireFault {
   kNone,
-  kSilence,    // no answer, and nothing is done
-  kLostReply,  // it is done, but not answered
-  kLate,       // answered `parameter` ms late
-  kException,  // answered with exception `parameter`
-  kGarbage,    // a wrong CRC; on TCP another transaction's number
-  kTruncated,  // the answer lacks its last bytes
-  kOtherUnit,  // answered by the unit with the next number
+  kSilence,      // no answer, and nothing is done
+  kLostReply,    // it is done, but not answered
+  kSilentWrite,  // as kSilence, of writes; reads are answered and do not count
+  kLate,         // answered `parameter` ms late
+  kException,    // answered with exception `parameter`
+  kGarbage,      // a wrong CRC; on TCP another transaction's number
+  kTruncated,    // the answer lacks its last bytes
+  kOtherUnit,    // answered by the unit with the next number
 };
 
 class ModbusServer {
