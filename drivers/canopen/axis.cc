@@ -89,8 +89,7 @@ absl::Status CanopenAxisLink::Connect() {
   }
   RETURN_IF_ERROR(CheckLimits());
   RETURN_IF_ERROR(SetRamps());
-  RETURN_IF_ERROR(
-      node_.Command(NmtCommand::kStart, NmtState::kOperational, options_.node.heartbeat * 2));
+  RETURN_IF_ERROR(node_.Start(options_.node.heartbeat * 2));
   RETURN_IF_ERROR(ComeToRest());
   identity_ = identity;
   return node_.Check();

@@ -197,7 +197,15 @@ absl::StatusOr<std::vector<float>> CanopenLampsLink::Set(const std::vector<float
 }
 
 absl::Status CanopenLampsLink::Start() {
-  return node_.Command(NmtCommand::kStart, NmtState::kOperational, options_.node.heartbeat * 2);
+  const Duration patience = options_.node.heartbeat * 2;
+  if (time_to_dark_ == Duration::zero()) return node_.Start(patience);
+  // It is not to go dark again while its next heartbeat is waited for.
+  const TimePoint deadline = node_.clock().Now() + patience;
+  while (true) {
+    RETURN_IF_ERROR(Say());
+    absl::Status started = node_.Start(std::min(time_to_dark_ / 3, patience));
+    if (ErrorReason(started) != "DEVICE_SILENT" || node_.clock().Now() > deadline) return started;
+  }
 }
 
 // ---- Time to dark

@@ -288,8 +288,8 @@ absl::StatusOr<NodeIdentity> Node::ReadIdentity() {
 // ---- What it says by itself
 
 absl::Status Node::WatchHeartbeat(Duration time) {
-  const int64_t period = std::max<int64_t>(1, time / std::chrono::milliseconds(3));
-  RETURN_IF_ERROR(WriteInteger(kProducerHeartbeat, period, 2));
+  heartbeat_period_ms_ = std::max<int64_t>(1, time / std::chrono::milliseconds(3));
+  RETURN_IF_ERROR(WriteInteger(kProducerHeartbeat, heartbeat_period_ms_, 2));
   MutexLock lock(&mutex_);
   last_heartbeat_ = clock().Now();
   watch_ = time;
@@ -319,17 +319,22 @@ absl::Status Node::Check() const {
   return CheckLocked();
 }
 
-absl::Status Node::Command(NmtCommand command, NmtState state, Duration patience) {
+absl::Status Node::Start(Duration patience) {
+  constexpr NmtState state = NmtState::kOperational;
   RETURN_IF_ERROR(Check());
+  const TimePoint deadline = clock().Now() + patience;
+  if (absl::Status sent = bus_->Send(EncodeNmt(NmtCommand::kStart, id_)); !sent.ok()) {
+    return Annotate(sent, device_);
+  }
+  // A node does one after the other: once it has answered this, heartbeats from before the command have been heard.
+  RETURN_IF_ERROR(Read(kErrorRegister).status());
   uint64_t before;
   {
     MutexLock lock(&mutex_);
     before = heartbeats_;
   }
-  if (absl::Status sent = bus_->Send(EncodeNmt(command, id_)); !sent.ok()) {
-    return Annotate(sent, device_);
-  }
-  const TimePoint deadline = clock().Now() + patience;
+  // When its period is set, it begins at once (CiA 301, 7.2.8.3.2), so that the next one need not be waited for.
+  RETURN_IF_ERROR(WriteInteger(kProducerHeartbeat, heartbeat_period_ms_, 2));
   MutexLock lock(&mutex_);
   while (heartbeats_ == before || nmt_state_ != state) {
     RETURN_IF_ERROR(CheckLocked());

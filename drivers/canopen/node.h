@@ -69,8 +69,8 @@ class Node final : public NodeListener {
   // Has it say a heartbeat every third of `time`, and takes it for lost when none comes for `time`.
   absl::Status WatchHeartbeat(Duration time);
   absl::Status Check() const;
-  // Sends the command and waits until the node's heartbeat, heard after it, says `state`. DEVICE_SILENT.
-  absl::Status Command(NmtCommand command, NmtState state, Duration patience);
+  // Makes it operational, as its heartbeat then confirms. After WatchHeartbeat(). DEVICE_SILENT after `patience`.
+  absl::Status Start(Duration patience);
   // As its last heartbeat said; nothing before the first.
   std::optional<NmtState> nmt_state() const;
   // The last TPDO 1 that came after the last answer to a write and is not older than `age`.
@@ -105,6 +105,7 @@ class Node final : public NodeListener {
   const int id_;
   const Duration answer_time_;
   const std::shared_ptr<const Eds> eds_;  // shared: with the options it was read with
+  int64_t heartbeat_period_ms_ = 0;       // the caller's thread, like this
   bool unanswered_ = false;               // the caller's thread: an answer may still come
 
   mutable Mutex mutex_;
