@@ -50,7 +50,7 @@ CanopenAxisLink::CanopenAxisLink(const std::string& device, const AxisOptions& o
 }
 
 CanopenAxisLink::~CanopenAxisLink() {
-  if (node_.Check().ok() && identity_.has_value()) {
+  if (connected_ && node_.Check().ok()) {
     absl::StatusOr<AxisReading> reading = Read();
     absl::StatusOr<DriveState> state = ReadState();
     const bool stands = reading.ok() && !reading->moving;
@@ -74,10 +74,9 @@ Angle CanopenAxisLink::FromUnits(double units) const {
 // ---- Connecting
 
 absl::Status CanopenAxisLink::Connect() {
-  homed_ = false;
+  connected_ = by_pdo_ = homed_ = false;
   mode_ = 0;
   motion_ = Motion::kNone;
-  by_pdo_ = false;
   RETURN_IF_ERROR(node_.Attach());
   // A stopped node answers nothing, and mappings are changed in pre-operational.
   RETURN_IF_ERROR(node_.bus().Send(EncodeNmt(NmtCommand::kPreOperational, node_.id())));
@@ -92,7 +91,9 @@ absl::Status CanopenAxisLink::Connect() {
   RETURN_IF_ERROR(node_.Start(options_.node.heartbeat * 2));
   RETURN_IF_ERROR(ComeToRest());
   identity_ = identity;
-  return node_.Check();
+  RETURN_IF_ERROR(node_.Check());
+  connected_ = true;
+  return absl::OkStatus();
 }
 
 absl::Status CanopenAxisLink::WatchEachOther() {

@@ -66,6 +66,7 @@ class CanopenAxisLink final : public AxisLink {
   const AxisOptions options_;
   Node node_;
   std::optional<NodeIdentity> identity_;
+  bool connected_ = false;
   bool by_pdo_ = false;
   bool homed_ = false;
   int mode_ = 0;  // 6061h as last confirmed; 0: unknown

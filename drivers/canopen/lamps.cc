@@ -48,6 +48,7 @@ CanopenLampsLink::CanopenLampsLink(const std::string& device, const LampsOptions
 CanopenLampsLink::~CanopenLampsLink() { node_.bus().RemoveHeartbeat(this); }
 
 absl::Status CanopenLampsLink::Connect() {
+  connected_ = false;
   for (Output& output : outputs_) output.value.reset();
   RETURN_IF_ERROR(node_.Attach());
   RETURN_IF_ERROR(node_.bus().Send(EncodeNmt(NmtCommand::kPreOperational, node_.id())));
@@ -75,7 +76,9 @@ absl::Status CanopenLampsLink::Connect() {
   RETURN_IF_ERROR(WriteAll(std::vector<int>(outputs_.size())));
   if (time_to_dark_ > Duration::zero()) RETURN_IF_ERROR(WriteTimeToDark());
   identity_ = identity;
-  return node_.Check();
+  RETURN_IF_ERROR(node_.Check());
+  connected_ = true;
+  return absl::OkStatus();
 }
 
 absl::Status CanopenLampsLink::SetErrorMode() {
@@ -177,33 +180,38 @@ absl::Status CanopenLampsLink::WriteAll(const std::vector<int>& values) {
 
 absl::StatusOr<std::vector<float>> CanopenLampsLink::Set(const std::vector<float>& levels) {
   RETURN_IF_ERROR(node_.Check());
-  bool start = node_.nmt_state() != NmtState::kOperational;
-  if (time_to_dark_ > Duration::zero()) {
-    // Near its time it may have gone dark without having told so yet, and then takes what is written without a light.
-    start = start || node_.clock().Now() - said_ > time_to_dark_ * 7 / 10;
-    RETURN_IF_ERROR(Say());
+  if (!connected_) {
+    // It may be any device that answers there.
+    return node_.Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST", "is not connected");
   }
-  if (start) {
+  if (time_to_dark_ > Duration::zero()) RETURN_IF_ERROR(Say());
+  if (may_be_dark_ || node_.nmt_state() != NmtState::kOperational) {
+    // It would take what is written without a light.
     for (Output& output : outputs_) output.value.reset();
     RETURN_IF_ERROR(Start());
   }
   RETURN_IF_ERROR(WriteAll(ValuesOf(levels)));
   RETURN_IF_ERROR(node_.Check());
-  if (const auto state = node_.nmt_state(); state != NmtState::kOperational) {
+  if (may_be_dark_ || node_.nmt_state() != NmtState::kOperational) {
     return node_.Fault(absl::StatusCode::kFailedPrecondition, "LAMPS_NOT_CONFIRMED",
-                       "left the state operational while it was told its outputs");
+                       "may have gone dark by itself while it was told its outputs");
   }
   return LevelsOf();
 }
 
 absl::Status CanopenLampsLink::Start() {
   const Duration patience = options_.node.heartbeat * 2;
-  if (time_to_dark_ == Duration::zero()) return node_.Start(patience);
+  if (time_to_dark_ == Duration::zero()) {
+    RETURN_IF_ERROR(node_.Start(patience));
+    may_be_dark_ = false;
+    return absl::OkStatus();
+  }
   // It is not to go dark again while its next heartbeat is waited for.
   const TimePoint deadline = node_.clock().Now() + patience;
   while (true) {
     RETURN_IF_ERROR(Say());
     absl::Status started = node_.Start(std::min(time_to_dark_ / 3, patience));
+    if (started.ok()) may_be_dark_ = false;
     if (ErrorReason(started) != "DEVICE_SILENT" || node_.clock().Now() > deadline) return started;
   }
 }
@@ -212,7 +220,10 @@ absl::Status CanopenLampsLink::Start() {
 
 absl::Status CanopenLampsLink::Say() {
   RETURN_IF_ERROR(node_.bus().SayHeartbeat(options_.node.heartbeat_id));
-  said_ = node_.clock().Now();
+  const TimePoint now = node_.clock().Now();
+  // Its clock is not ours, and a frame takes a while.
+  if (now - said_ > time_to_dark_ * 7 / 10) may_be_dark_ = true;
+  said_ = now;
   return absl::OkStatus();
 }
 
@@ -222,6 +233,7 @@ absl::Status CanopenLampsLink::WriteTimeToDark() {
   const uint32_t entry = time == 0 ? 0 : ConsumerHeartbeat(options_.node.heartbeat_id, time);
   RETURN_IF_ERROR(node_.WriteInteger(kConsumerHeartbeat, entry, 4));
   // It watches from the first one on.
+  said_ = node_.clock().Now();
   return time == 0 ? absl::OkStatus() : Say();
 }
 
@@ -241,6 +253,7 @@ absl::Status CanopenLampsLink::Refresh() {
   if (!late && state == NmtState::kOperational) return absl::OkStatus();
   for (Output& output : outputs_) output.value.reset();
   lit_ = false;
+  may_be_dark_ = true;
   return node_.Fault(absl::StatusCode::kFailedPrecondition, "LAMPS_DARK",
                      late ? "was refreshed too late: its lamps went dark by themselves"
                           : "left the state operational: its lamps went dark by themselves");

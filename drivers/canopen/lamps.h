@@ -52,7 +52,9 @@ class CanopenLampsLink final : public LampsLink {
   std::vector<Output> outputs_;
   bool goes_dark_ = false;  // it can watch us, and its outputs go to 0 then
   Duration time_to_dark_{};
-  TimePoint said_{};  // our last heartbeat for it
+  bool connected_ = false;
+  TimePoint said_{};          // our last heartbeat for it
+  bool may_be_dark_ = false;  // it may have missed one; until it is started anew
   bool lit_ = false;
 };
 

@@ -40,6 +40,7 @@ absl::Status Node::Attach() {
     return Annotate(connected, device_);
   }
   MutexLock lock(&mutex_);
+  attached_ = clock().Now();
   lost_ = absl::OkStatus();
   watch_ = Duration::zero();
   nmt_state_.reset();
@@ -396,7 +397,9 @@ void Node::OnFrame(const CanFrame& frame, TimePoint time) {
       break;
     case kHeartbeat:
       if (const std::optional<NmtState> state = DecodeHeartbeat(frame.bytes())) {
-        if (*state == NmtState::kBootUp) LoseLocked("booted: it was switched on or reset");
+        // One that was on its way already tells of what is forgiven.
+        if (*state == NmtState::kBootUp && time >= attached_)
+          LoseLocked("booted: it was switched on or reset");
         if (watch_ > Duration::zero() && time - last_heartbeat_ > watch_) {
           LoseLocked(absl::StrFormat("was not heard for %g ms, more than %g ms",
                                      Milliseconds(time - last_heartbeat_), Milliseconds(watch_)));

@@ -110,6 +110,7 @@ class Node final : public NodeListener {
 
   mutable Mutex mutex_;
   mutable CondVar changed_;
+  TimePoint attached_ ABSL_GUARDED_BY(mutex_){};
   mutable absl::Status lost_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::pair<CanFrame, uint64_t>> answers_ ABSL_GUARDED_BY(mutex_);
   uint64_t heard_ ABSL_GUARDED_BY(mutex_) = 0;      // frames of this node so far

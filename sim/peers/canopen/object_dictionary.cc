@@ -82,9 +82,10 @@ uint32_t ObjectDictionary::Write(uint16_t index, uint8_t sub, const std::vector<
   uint32_t value = 0;
   for (size_t i = size; i-- > 0;) value = value << 8 | bytes[i];
   // Before the value is there, so that the handler can see what it was.
-  // A copy, because it may declare the object anew.
-  if (const OnWrite on_write = at->second.on_write) {
-    if (const uint32_t refused = on_write(value); refused != 0) return refused;
+  if (at->second.on_write) {
+    const uint32_t refused = at->second.on_write(value);
+    if (refused == kNotTaken) return 0;
+    if (refused != 0) return refused;
   }
   Put(index, sub, value);
   return 0;

@@ -16,8 +16,9 @@ namespace lightstage::sim {
 
 class ObjectDictionary {
  public:
-  // What writing a value does; the abort code that it is refused with, or 0.
+  // What writing a value does; the abort code that it is refused with, or 0, or kNotTaken: confirmed, but not done.
   using OnWrite = std::function<uint32_t(uint32_t)>;
+  static constexpr uint32_t kNotTaken = 1;
   using OnRead = std::function<uint32_t()>;
 
   // Integers of `size` bytes, 1 to 4, and texts. The last one added counts.

@@ -47,14 +47,7 @@ class CanopenOutputModule::Profile final : public PeerProfile {
 
  private:
   uint32_t Write(int object, uint32_t written) {
-    if (ignore_) {
-      // The dictionary will hold `written` now; a read is to tell what is.
-      const uint16_t index = options_.analogue ? 0x6411 : 0x6200;
-      const uint32_t is = objects_->Value(index, static_cast<uint8_t>(object + 1));
-      objects_->Live(index, static_cast<uint8_t>(object + 1), options_.analogue ? 2 : 1,
-                     [is] { return is; });
-      return 0;
-    }
+    if (ignore_) return ObjectDictionary::kNotTaken;
     if (!operational_) return 0;
     std::vector<int> driven = driven_;
     if (options_.analogue) {
