@@ -147,7 +147,7 @@ TEST_F(CanBusTest, IsSharedByNameAndForgottenWithItsLastHolder) {
 }
 
 TEST_F(CanBusTest, AnswersThatAreNoneAreSaid) {
-  Node five("tilt", bus_, 5, milliseconds(300), nullptr);
+  Node five("tilt", bus_, 5, seconds(2), nullptr);
   ASSERT_TRUE(five.Attach().ok());
   auto read = [&](std::vector<std::vector<uint8_t>> answers) {
     std::thread node([&] { AnswerWith(answers); });

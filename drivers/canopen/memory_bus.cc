@@ -77,7 +77,9 @@ class MemoryBus::Port final : public CanPort {
 
   CanState state() const override { return at_opening_; }
 
-  void ChangeTo(CanState state) ABSL_EXCLUSIVE_LOCKS_REQUIRED(wire_->mutex) {
+  // With the wire's lock, which the analysis does not know for this port's.
+  void ChangeTo(CanState state) {
+    wire_->mutex.AssertHeld();
     if (state_ == state) return;
     state_ = state;
     queue_.push_back({.kind = CanEvent::Kind::kError,
@@ -86,7 +88,10 @@ class MemoryBus::Port final : public CanPort {
                       .state = state,
                       .error = std::string(CanStateName(state))});
   }
-  void Remove() ABSL_EXCLUSIVE_LOCKS_REQUIRED(wire_->mutex) { gone_ = true; }
+  void Remove() {
+    wire_->mutex.AssertHeld();
+    gone_ = true;
+  }
 
  private:
   const std::shared_ptr<Wire> wire_;  // shared: with the bus, which may go first

@@ -26,7 +26,7 @@ class CanopenAxisTest : public testing::Test {
   void OpenImpatient() {
     bench_.AddDrive();
     absl::StatusOr<std::unique_ptr<Axis>> axis = bench_.OpenAxis(
-        std::string("interface = \"can0\"\nanswer_ms = 1000\nheartbeat_ms = 600\n") + kTurntable);
+        std::string("interface = \"can0\"\nanswer_ms = 1000\nheartbeat_ms = 1500\n") + kTurntable);
     ASSERT_TRUE(axis.ok()) << axis.status();
     axis_ = *std::move(axis);
   }
@@ -362,10 +362,10 @@ TEST_F(CanopenAxisTest, DataSheetsLimitsAreKept) {
 
 TEST_F(CanopenAxisTest, LateAnswersAreNotTakenForOthers) {
   bench_.AddDrive();
-  canopen::Node node("turntable", bench_.bus(), 5, milliseconds(100), nullptr);
+  canopen::Node node("turntable", bench_.bus(), 5, milliseconds(400), nullptr);
   ASSERT_TRUE(node.Attach().ok());
   EXPECT_EQ(*node.ReadUnsigned({0x1018, 4}), 4711u);
-  bench_.drive().node().DelayAnswers(milliseconds(400));
+  bench_.drive().node().DelayAnswers(milliseconds(1200));
   const absl::Status late = node.ReadUnsigned({0x1018, 4}).status();
   EXPECT_EQ(ErrorReason(late), "DEVICE_SILENT") << late;
   EXPECT_THAT(late.message(), HasSubstr("1018h:04"));

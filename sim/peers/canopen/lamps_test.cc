@@ -64,7 +64,7 @@ TEST_F(CanopenLampsTest, GoDarkWithoutTheDaemonBesideAnAxisThatLives) {
   absl::StatusOr<std::unique_ptr<Axis>> axis = bench_.OpenAxis(std::string(kPatient) + kTurntable);
   ASSERT_TRUE(axis.ok()) << axis.status();
   Open();
-  ASSERT_TRUE(lamps_->SetTimeToDark(milliseconds(500)).ok());
+  ASSERT_TRUE(lamps_->SetTimeToDark(milliseconds(1500)).ok());
   ASSERT_TRUE(Set(kLit).ok());
   EXPECT_EQ(bench_.Light(), kLit);
   // The axis' heartbeat goes on on the same wire.
@@ -103,7 +103,7 @@ TEST_F(CanopenLampsTest, RebootIsNoticedAndTheNextSetConnectsAnew) {
 }
 
 TEST_F(CanopenLampsTest, SilentModuleIsLostAndComesBack) {
-  Open({}, "", "interface = \"can0\"\nanswer_ms = 1000\nheartbeat_ms = 600\n");
+  Open({}, "", "interface = \"can0\"\nanswer_ms = 1000\nheartbeat_ms = 1500\n");
   ASSERT_TRUE(Set(kLit).ok());
   bench_.outputs().node().SetSilent(true);
   ASSERT_TRUE(bench_.Becomes([&] { return ErrorReason(Set(kOne).status()) == "DEVICE_LOST"; }));
