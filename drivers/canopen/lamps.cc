@@ -159,7 +159,7 @@ absl::Status CanopenLampsLink::WriteOutput(Output& output, int value) {
   ASSIGN_OR_RETURN(const uint32_t is, node_.ReadUnsigned(object));
   if (is != static_cast<uint32_t>(value)) {
     return node_.Fault(
-        absl::StatusCode::kFailedPrecondition, "LAMPS_NOT_CONFIRMED",
+        absl::StatusCode::kFailedPrecondition, "LAMP_NOT_CONFIRMED",
         absl::StrFormat("was told %Xh for %s and says %Xh", value, ObjectText(object), is));
   }
   output.value = value;
@@ -193,7 +193,7 @@ absl::StatusOr<std::vector<float>> CanopenLampsLink::Set(const std::vector<float
   RETURN_IF_ERROR(WriteAll(ValuesOf(levels)));
   RETURN_IF_ERROR(node_.Check());
   if (may_be_dark_ || node_.nmt_state() != NmtState::kOperational) {
-    return node_.Fault(absl::StatusCode::kFailedPrecondition, "LAMPS_NOT_CONFIRMED",
+    return node_.Fault(absl::StatusCode::kFailedPrecondition, "LAMP_NOT_CONFIRMED",
                        "may have gone dark by itself while it was told its outputs");
   }
   return LevelsOf();

@@ -13,7 +13,7 @@
 
 namespace lightstage::canopen {
 
-// LampsLink's errors, and FAILED_PRECONDITION / LAMPS_NOT_CONFIRMED (Set: an output reads back as something else), / LAMPS_DARK
+// LampsLink's errors, and FAILED_PRECONDITION / LAMP_NOT_CONFIRMED (Set: an output reads back as something else), / LAMPS_DARK
 // (Refresh: the module went dark by itself) and / DEVICE_UNSUITABLE (Connect).
 class CanopenLampsLink final : public LampsLink {
  public:

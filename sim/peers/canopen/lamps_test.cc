@@ -86,7 +86,7 @@ TEST_F(CanopenLampsTest, WhatReadsBackOtherwiseIsNotConfirmed) {
   Open();
   bench_.outputs().IgnoreWrites(true);
   const absl::Status failed = Set(kLit).status();
-  EXPECT_EQ(ErrorReason(failed), "LAMPS_NOT_CONFIRMED") << failed;
+  EXPECT_EQ(ErrorReason(failed), "LAMP_NOT_CONFIRMED") << failed;
   EXPECT_THAT(failed.message(), HasSubstr("6200h:01"));
 }
 
