@@ -1,9 +1,11 @@
 #include "daemon/app/builtin_drivers.h"
 
 #include "drivers/aravis/driver.h"
+#include "drivers/canopen/driver.h"
 #include "drivers/display/driver.h"
 #include "drivers/dlpc350/driver.h"
 #include "drivers/dmx/driver.h"
+#include "drivers/modbus/driver.h"
 #include "drivers/v4l2/driver.h"
 #include "sim/peers/gige/drivers.h"
 #include "sim/rig/drivers.h"
@@ -14,15 +16,21 @@ std::shared_ptr<sim::Simulation> RegisterBuiltinDrivers(DriverRegistry& registry
   std::shared_ptr<sim::Simulation> simulation = sim::RegisterSimulatedDrivers(registry);
   sim::RegisterGigePeer(registry, simulation);
   registry.cameras["aravis"] = AravisDriver();
-  registry.discoveries["aravis"] = AravisDiscovery();
   registry.cameras["v4l2"] = V4l2Driver();
-  registry.discoveries["v4l2"] = V4l2Discovery();
+  registry.axes["canopen"] = CanopenAxisDriver();
+  registry.axes["modbus"] = ModbusAxisDriver();
+  registry.lamps["canopen"] = CanopenLampsDriver();
   registry.lamps["dmx"] = DmxDriver();
-  registry.discoveries["dmx"] = DmxDiscovery();
+  registry.lamps["modbus"] = ModbusLampsDriver();
   registry.projectors["display"] = DisplayDriver();
-  registry.discoveries["display"] = DisplayDiscovery();
   registry.projectors["dlpc350"] = Dlpc350Driver(DisplayDriver());
+  registry.discoveries["aravis"] = AravisDiscovery();
+  registry.discoveries["canopen"] = CanopenDiscovery();
+  registry.discoveries["display"] = DisplayDiscovery();
   registry.discoveries["dlpc350"] = Dlpc350Discovery();
+  registry.discoveries["dmx"] = DmxDiscovery();
+  registry.discoveries["modbus"] = ModbusDiscovery();
+  registry.discoveries["v4l2"] = V4l2Discovery();
   return simulation;
 }
 

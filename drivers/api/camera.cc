@@ -49,4 +49,6 @@ absl::StatusOr<PixelFormat> ParsePixelFormat(std::string_view name) {
                {{"format", std::string(name)}});
 }
 
+int CentredOffset(int sensor, int size, int step) { return (sensor - size) / 2 / step * step; }
+
 }  // namespace lightstage

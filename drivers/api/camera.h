@@ -32,6 +32,9 @@ int BytesPerSample(PixelFormat format);   // 1 or 2
 int SamplesPerPixel(PixelFormat format);  // 3 for RGB, else 1
 bool IsBayer(PixelFormat format);
 
+// Where a region of `size` begins, so that it is centred on a sensor of `sensor` samples as well as `step` allows.
+int CentredOffset(int sensor, int size, int step);
+
 struct CameraInfo {
   DeviceIdentity identity;
   int sensor_width = 0, sensor_height = 0;

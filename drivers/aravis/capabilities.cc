@@ -59,8 +59,6 @@ std::vector<Format> UsableFormats(const std::vector<uint32_t>& codes) {
   return formats;
 }
 
-int CentredOffset(int sensor, int size, int step) { return (sensor - size) / 2 / step * step; }
-
 double AravisCapabilities::MinGainDb() const { return gain == Gain::kDecibels ? min_gain : 0; }
 
 double AravisCapabilities::MaxGainDb() const {

@@ -43,7 +43,4 @@ struct AravisCapabilities {
 // most bits per sample. Packed formats are not used.
 std::vector<AravisCapabilities::Format> UsableFormats(const std::vector<uint32_t>& codes);
 
-// Where a region of `size` begins, so that it is centred on a sensor of `sensor` samples as well as `step` allows.
-int CentredOffset(int sensor, int size, int step);
-
 }  // namespace lightstage

@@ -228,7 +228,10 @@ class LinkedAxis final : public Axis {
                           : *motion_->target;
       started = link_->StartMove(motion_->goal, motion_->velocity_dps);
     }
-    if (!Note(started).ok()) return End(started);
+    if (!Note(started).ok()) {
+      if (!lost_) Note(link_->Halt()).IgnoreError();  // a part of it may have gone through
+      return End(started);
+    }
     motion_->stage = Motion::kUnderWay;
     motion_->since = clock_.Now();
   }

@@ -64,8 +64,6 @@ std::vector<V4l2Capabilities::Format> UsableFormats(
   return formats;
 }
 
-int CentredOffset(int whole, int size, int step) { return (whole - size) / 2 / step * step; }
-
 // ---- Exposure
 
 Duration V4l2Capabilities::ExposureOf(int64_t code) const {

@@ -67,7 +67,4 @@ std::vector<V4l2Capabilities::Format> UsableFormats(
 // "YUYV, MJPG": for messages.
 std::string FormatNames(const std::vector<VideoDescription::Format>& offered);
 
-// Where a region of `size` begins, so that it is centred among `whole` as well as `step` allows.
-int CentredOffset(int whole, int size, int step);
-
 }  // namespace lightstage
