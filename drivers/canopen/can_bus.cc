@@ -70,7 +70,9 @@ absl::Status CanBus::Connect() {
     MutexLock inner(&mutex_);
     if (port_ != nullptr && !useless_) return trouble_;
   }
+  quit_ = true;
   if (thread_.joinable()) thread_.join();
+  quit_ = false;
   {
     MutexLock inner(&mutex_);
     port_.reset();
@@ -83,11 +85,16 @@ absl::Status CanBus::Connect() {
   std::shared_ptr<CanPort> port = *std::move(opened);
   state_ = port->state();
   heard_until_ = clock_.Now().time_since_epoch().count();
+  // Before the thread starts, which may find at once that the port is of no use.
+  const absl::Status connected = state_ == CanState::kBusOff ? BusOff() : absl::OkStatus();
+  {
+    MutexLock inner(&mutex_);
+    port_ = port;
+    useless_ = false;
+    trouble_ = connected;
+  }
   thread_ = std::thread([this, port] { Run(*port); });
-  MutexLock inner(&mutex_);
-  port_ = port;
-  useless_ = false;
-  return trouble_ = state_ == CanState::kBusOff ? BusOff() : absl::OkStatus();
+  return connected;
 }
 
 absl::Status CanBus::Send(const CanFrame& frame) {
@@ -101,7 +108,13 @@ absl::Status CanBus::Send(const CanFrame& frame) {
     return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
                  absl::StrCat(name_, " is not connected"), {{"interface", name_}});
   }
-  return port->Send(frame);
+  absl::Status sent = port->Send(frame);
+  if (!sent.ok()) {
+    // The thread may not have noticed yet.
+    MutexLock lock(&mutex_);
+    if (port == port_) useless_ = true;
+  }
+  return sent;
 }
 
 absl::Status CanBus::trouble() const {
@@ -149,10 +162,7 @@ void CanBus::Run(CanPort& port) {
     const Duration wait = std::clamp<Duration>(next - before, Duration::zero(), kLook);
     absl::StatusOr<std::optional<CanEvent>> event = port.Receive(wait);
     if (!event.ok()) {
-      Fail(event.status());
-      MutexLock lock(&mutex_);
-      useless_ = true;
-      return;
+      return Fail(event.status(), /*useless=*/true);
     }
     if (!event->has_value()) {
       // It was empty at the latest when the wait was over.
@@ -203,7 +213,7 @@ void CanBus::Dispatch(const CanEvent& event) {
     }
     const CanState before = state_.exchange(*event.state);
     if (before != *event.state) spdlog::warn("{}: {}", name_, event.error);
-    if (*event.state == CanState::kBusOff) return Fail(BusOff());
+    if (*event.state == CanState::kBusOff) return Fail(BusOff(), /*useless=*/false);
     // Restarted: those who were told of the trouble connect anew.
     MutexLock lock(&mutex_);
     trouble_ = absl::OkStatus();
@@ -214,10 +224,11 @@ void CanBus::Dispatch(const CanEvent& event) {
   if (at != listeners_.end()) at->second.first->OnFrame(event.frame, event.time);
 }
 
-void CanBus::Fail(absl::Status why) {
+void CanBus::Fail(const absl::Status& why, bool useless) {
   {
     MutexLock lock(&mutex_);
     trouble_ = why;
+    useless_ = useless_ || useless;
   }
   MutexLock lock(&listening_);
   for (auto& [node, listener] : listeners_) listener.first->OnTrouble(why);

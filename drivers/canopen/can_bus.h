@@ -74,14 +74,14 @@ class CanBus {
   // Says the heartbeats that are due; when the next one is.
   TimePoint SayDueHeartbeats(CanPort& port);
   void Dispatch(const CanEvent& event);
-  void Fail(absl::Status why);
+  void Fail(const absl::Status& why, bool useless);
   absl::Status BusOff() const;
 
   const std::string name_;
   Clock& clock_;
   std::atomic<int64_t> heard_until_{0};
   std::atomic<CanState> state_{CanState::kActive};
-  std::atomic<bool> quit_{false};
+  std::atomic<bool> quit_{false};  // the thread is to end
 
   Mutex connecting_;  // before mutex_
   CanPortOpener open_ ABSL_GUARDED_BY(connecting_);
@@ -90,7 +90,7 @@ class CanBus {
   mutable Mutex mutex_;
   std::shared_ptr<CanPort> port_ ABSL_GUARDED_BY(mutex_);  // shared: with a Send in progress
   absl::Status trouble_ ABSL_GUARDED_BY(mutex_);
-  bool useless_ ABSL_GUARDED_BY(mutex_) = false;  // the port; its thread has ended
+  bool useless_ ABSL_GUARDED_BY(mutex_) = false;  // the port: it is to be opened anew
   std::vector<Heartbeat> heartbeats_ ABSL_GUARDED_BY(mutex_);
   std::map<int, TimePoint> said_ ABSL_GUARDED_BY(mutex_);  // periodic heartbeats, by id
 

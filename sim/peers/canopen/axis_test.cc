@@ -239,7 +239,8 @@ TEST_F(CanopenAxisTest, InterfaceThatGoesIsOpenedAnew) {
   EXPECT_FALSE(Home().ok());
   bench_.wire().SetPresent(true);
   bench_.AddDrive();  // its end was unplugged as well
-  EXPECT_TRUE(Home().ok());
+  const absl::Status home = Home();
+  EXPECT_TRUE(home.ok()) << home;
   EXPECT_TRUE(Move(10).ok());
 }
 
