@@ -69,7 +69,7 @@ class CanopenAxisLink final : public AxisLink {
   bool connected_ = false;
   bool by_pdo_ = false;
   bool homed_ = false;
-  int mode_ = 0;  // 6061h as last confirmed; 0: unknown
+  int8_t mode_ = 0;  // 6061h as last confirmed; 0: unknown
   uint16_t control_ = 0;
   Motion motion_ = Motion::kNone;
   TimePoint homing_since_{};

@@ -86,7 +86,7 @@ absl::Status CanBus::Connect() {
   state_ = port->state();
   heard_until_ = clock_.Now().time_since_epoch().count();
   // Before the thread starts, which may find at once that the port is of no use.
-  const absl::Status connected = state_ == CanState::kBusOff ? BusOff() : absl::OkStatus();
+  absl::Status connected = state_ == CanState::kBusOff ? BusOff() : absl::OkStatus();
   {
     MutexLock inner(&mutex_);
     port_ = port;

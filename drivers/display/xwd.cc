@@ -31,9 +31,9 @@ absl::Status Wrong(std::string_view what) {
 }  // namespace
 
 absl::StatusOr<XwdPicture> ParseXwd(std::span<const uint8_t> file) {
-  if (file.size() < kFields * 4) return Wrong("no header");
+  if (file.size() < size_t{4} * kFields) return Wrong("no header");
   auto field = [&](Field f) -> uint64_t {
-    const uint8_t* p = file.data() + f * 4;
+    const uint8_t* p = file.data() + size_t{4} * f;
     return uint64_t{p[0]} << 24 | uint64_t{p[1]} << 16 | uint64_t{p[2]} << 8 | p[3];
   };
   if (field(kFileVersion) != 7 || field(kPixmapFormat) != 2) return Wrong("not version 7, ZPixmap");
