@@ -115,16 +115,21 @@ class LinkedAxis final : public Axis {
     motion->velocity_dps = velocity_dps;
     const std::string what =
         target.has_value() ? absl::StrFormat("the move to %g deg", target->degrees()) : "homing";
+    motion->operation = std::make_shared<Operation<AxisState>>(std::move(done));
+    bool busy;
     {
       MutexLock lock(&mutex_);
-      if (latest_ == nullptr || latest_->finished()) {
-        latest_ = motion->operation = thread_.Start(std::move(done), deadline, what);
+      busy = latest_ != nullptr && !latest_->finished();
+      if (!busy) {
+        latest_ = motion->operation;
+        thread_.Track(motion->operation, deadline, what);
       }
     }
-    if (motion->operation == nullptr) {
-      return std::move(done)(Error(absl::StatusCode::kFailedPrecondition, "AXIS_BUSY",
-                                   absl::StrCat(name_, " is still moving; wait for it or stop it"),
-                                   {{"axis", name_}}));
+    if (busy) {
+      motion->operation->Fail(Error(absl::StatusCode::kFailedPrecondition, "AXIS_BUSY",
+                                    absl::StrCat(name_, " is still moving; wait for it or stop it"),
+                                    {{"axis", name_}}));
+      return;
     }
     thread_.Post([this, motion] {
       if (motion_ != nullptr) Note(link_->Halt()).IgnoreError();  // the last one was too late

@@ -34,18 +34,22 @@ class Light {
 
   // One at a time.
   void Start(const char* what, TimePoint deadline, Completion<State> done, Apply apply) {
-    std::shared_ptr<Operation<State>> operation;
+    auto operation = std::make_shared<Operation<State>>(std::move(done));
+    bool busy;
     {
       MutexLock lock(&mutex_);
-      if (interrupting_ == 0 && (latest_ == nullptr || latest_->finished())) {
-        latest_ = operation = thread_.Start(std::move(done), deadline, what);
+      busy = interrupting_ > 0 || (latest_ != nullptr && !latest_->finished());
+      if (!busy) {
+        latest_ = operation;
+        thread_.Track(operation, deadline, what);
       }
     }
-    if (operation == nullptr) {
-      return std::move(done)(
+    if (busy) {
+      operation->Fail(
           Error(absl::StatusCode::kFailedPrecondition, busy_reason_,
                 absl::StrCat(thread_.name(), ": still busy with what it was told before"),
                 {{"device", thread_.name()}, {"operation", what}}));
+      return;
     }
     Run(std::move(operation), std::move(apply), nullptr);
   }

@@ -103,7 +103,7 @@ class ModbusDrive final : public AxisLink {
     referenced_ = plausible_ = false;
     ASSIGN_OR_RETURN(const Raw raw, ReadRaw());
     if (Faulty(raw)) {
-      const absl::Status fault = FaultError();
+      absl::Status fault = FaultError();
       spdlog::warn("{}: clearing the fault: {}", name_, MessageOf(fault));
       RETURN_IF_ERROR(Write(profile_.clear_fault, {}));
       absl::Status cleared = Await(kClearPatience, "to drop its fault",
