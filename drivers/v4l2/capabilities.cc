@@ -137,7 +137,8 @@ ExposureResult V4l2Capabilities::ValidateExposure(Duration asked, Duration inter
 
 double V4l2Capabilities::MaxGainDb() const {
   if (!gain) return 0;
-  return static_cast<double>((gain->max - gain->min) / gain->step * gain->step) * gain_db_per_step;
+  const int64_t steps = (gain->max - gain->min) / gain->step;  // whole ones
+  return static_cast<double>(steps * gain->step) * gain_db_per_step;
 }
 
 int64_t V4l2Capabilities::GainCode(double gain_db) const {

@@ -3,6 +3,7 @@
 #include <linux/videodev2.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "absl/strings/str_format.h"
@@ -76,7 +77,7 @@ void Put16(unsigned value, std::byte*& out) {
 }
 
 std::byte Clamped(double value) {
-  return static_cast<std::byte>(static_cast<int>(std::clamp(value, 0.0, 255.0) + 0.5));
+  return static_cast<std::byte>(std::lround(std::clamp(value, 0.0, 255.0)));
 }
 
 // ITU-R BT.601: Y' = 0.299 R' + 0.587 G' + 0.114 B', Pb = (B' − Y') / 1.772, Pr = (R' − Y') / 1.402; quantised as section
@@ -111,19 +112,19 @@ unsigned UnpackRow(Packing packing, const std::byte* in, int width, YuvRange ran
     }
     case Packing::kMipi10:
       for (int x = 0; x < width; ++x) {
-        const std::byte* group = in + x / 4 * 5;
+        const std::byte* group = in + ptrdiff_t{x} / 4 * 5;
         Put16(At(group, x % 4) << 2 | (At(group, 4) >> 2 * (x % 4) & 3), out);
       }
       break;
     case Packing::kMipi12:
       for (int x = 0; x < width; ++x) {
-        const std::byte* group = in + x / 2 * 3;
+        const std::byte* group = in + ptrdiff_t{x} / 2 * 3;
         Put16(At(group, x % 2) << 4 | (At(group, 2) >> 4 * (x % 2) & 15), out);
       }
       break;
     case Packing::kMipi14:
       for (int x = 0; x < width; ++x) {
-        const std::byte* group = in + x / 4 * 7;
+        const std::byte* group = in + ptrdiff_t{x} / 4 * 7;
         const unsigned low = At(group, 4) | At(group, 5) << 8 | At(group, 6) << 16;
         Put16(At(group, x % 4) << 6 | (low >> 6 * (x % 4) & 63), out);
       }
@@ -149,8 +150,8 @@ unsigned UnpackRow(Packing packing, const std::byte* in, int width, YuvRange ran
     case Packing::kUyvy: {
       const size_t y = packing == Packing::kYuyv ? 0 : 1, c = 1 - y;
       for (int x = 0; x < width; ++x) {
-        const std::byte* pair = in + x / 2 * 4;
-        PutRgb(At(pair, y + x % 2 * 2), At(pair, c), At(pair, c + 2), range, out);
+        const std::byte* pair = in + ptrdiff_t{x} / 2 * 4;
+        PutRgb(At(pair, y + (x % 2 == 0 ? 0 : 2)), At(pair, c), At(pair, c + 2), range, out);
       }
       break;
     }

@@ -223,7 +223,7 @@ absl::Status V4l2Camera::Begin() {
   last_stamp_.reset();
   settled_ = false;
   unsettled_exposure_ = info_.max_exposure;  // whatever it was left with
-  const absl::Status started = link_->StartStream();
+  absl::Status started = link_->StartStream();
   last_frame_ = last_empty_ = controls_set_ = clock_.Now();
   return started;
 }
@@ -397,7 +397,7 @@ absl::Status V4l2Camera::Deliver(const V4l2Link::Taken& taken, const FrameStamp&
   }
   if (!taken.damaged) shot->EndExposure(stamp.dequeued);
   absl::StatusOr<Frame> frame = link_->Decode(taken);
-  const absl::Status returned = link_->GiveBack(taken);
+  absl::Status returned = link_->GiveBack(taken);
   if (frame.ok()) {
     frame->sequence = sequence;
     frame->exposure = shot->used_exposure;
