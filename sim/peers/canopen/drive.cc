@@ -288,7 +288,7 @@ class CanopenDrive::Profile final : public PeerProfile {
 };
 
 CanopenDrive::CanopenDrive(std::unique_ptr<canopen::CanPort> port, const DriveOptions& options,
-                           std::shared_ptr<World> world)
+                           const std::shared_ptr<World>& world)
     : profile_(std::make_unique<Profile>(options, world)),
       node_(std::make_unique<PeerNode>(std::move(port), options.identity, *profile_,
                                        world->clock())) {

@@ -25,7 +25,7 @@ class CanopenDrive {
  public:
   // The world must be on real time.
   CanopenDrive(std::unique_ptr<canopen::CanPort> port, const DriveOptions& options,
-               std::shared_ptr<World> world);
+               const std::shared_ptr<World>& world);
   ~CanopenDrive();
 
   PeerNode& node() { return *node_; }

@@ -170,7 +170,7 @@ std::vector<uint8_t> SdoServer::UploadPiece(uint8_t command) {
 
 std::vector<uint8_t> SdoServer::Download(std::span<const uint8_t> request) {
   const uint8_t command = request[0];
-  const std::vector<uint8_t> taken = {0x60, request[1], request[2], request[3], 0, 0, 0, 0};
+  std::vector<uint8_t> taken = {0x60, request[1], request[2], request[3], 0, 0, 0, 0};
   if ((command & 2) != 0) {
     const int size = (command & 1) != 0 ? 4 - (command >> 2 & 3) : 4;
     const std::vector<uint8_t> bytes(request.begin() + 4, request.begin() + 4 + size);

@@ -100,7 +100,7 @@ class CanopenOutputModule::Profile final : public PeerProfile {
 
 CanopenOutputModule::CanopenOutputModule(std::unique_ptr<canopen::CanPort> port,
                                          const OutputModuleOptions& options,
-                                         std::shared_ptr<World> world)
+                                         const std::shared_ptr<World>& world)
     : profile_(std::make_unique<Profile>(options, world)),
       node_(std::make_unique<PeerNode>(std::move(port), options.identity, *profile_,
                                        world->clock())) {

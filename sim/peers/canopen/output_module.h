@@ -22,7 +22,7 @@ class CanopenOutputModule {
  public:
   // The world must be on real time.
   CanopenOutputModule(std::unique_ptr<canopen::CanPort> port, const OutputModuleOptions& options,
-                      std::shared_ptr<World> world);
+                      const std::shared_ptr<World>& world);
   ~CanopenOutputModule();
 
   PeerNode& node() { return *node_; }

@@ -224,7 +224,7 @@ std::optional<std::vector<uint8_t>> Dlpc350Device::ReadLocked(int code) {
       const int mailbox = settings_[kMailbox][0];
       if (mailbox != 1 && mailbox != 2) return std::nullopt;
       const Bytes& content = mailbox == 1 ? images_ : patterns_;
-      const size_t from = settings_[kMailboxAddress][0] * (mailbox == 1 ? 1u : 3u);
+      const size_t from = size_t{settings_[kMailboxAddress][0]} * (mailbox == 1 ? 1 : 3);
       if (from > content.size()) return std::nullopt;
       return Bytes(content.begin() + static_cast<long>(from), content.end());
     }

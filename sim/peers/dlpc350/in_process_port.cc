@@ -36,14 +36,15 @@ class InProcessPort final : public dlpc350::HidPort {
 }  // namespace
 
 dlpc350::HidOpener InProcessHid(Dlpc350Device& device, std::string serial) {
-  return [&device, serial]() -> absl::StatusOr<std::unique_ptr<dlpc350::HidPort>> {
-    bool unplugged = false;
-    device.Send(Duration::zero(), &unplugged);
-    if (unplugged) {
-      return Error(absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND", "there is no DLPC350");
-    }
-    return std::make_unique<InProcessPort>(device, serial);
-  };
+  return
+      [&device, serial = std::move(serial)]() -> absl::StatusOr<std::unique_ptr<dlpc350::HidPort>> {
+        bool unplugged = false;
+        device.Send(Duration::zero(), &unplugged);
+        if (unplugged) {
+          return Error(absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND", "there is no DLPC350");
+        }
+        return std::make_unique<InProcessPort>(device, serial);
+      };
 }
 
 }  // namespace lightstage::sim

@@ -16,7 +16,7 @@ void AppendWord(std::vector<uint8_t>& bytes, int word) {
 
 ParsedRequest ParseRequest(int unit, std::span<const uint8_t> pdu) {
   if (pdu.empty()) return {std::nullopt, kIllegalFunction};
-  const ParsedRequest nonsense{std::nullopt, kIllegalValue};
+  ParsedRequest nonsense{std::nullopt, kIllegalValue};
   ModbusRequest request;
   request.unit = unit;
   request.function = pdu[0];
