@@ -47,7 +47,7 @@ class Session {
     const TimePoint begin = clock_.Now();
     Pending<LampsState> done(clock_);
     lamps_->Set(std::vector<float>(8, level), begin + seconds(5), done.sink());
-    const absl::Status set = done.Wait(begin + seconds(6), "Set").status();
+    absl::Status set = done.Wait(begin + seconds(6), "Set").status();
     std::printf("set %.3f: %s after %.1f ms\n", static_cast<double>(level), Text(set).c_str(),
                 Seconds(clock_.Now() - begin) * 1e3);
     return set;
@@ -56,7 +56,7 @@ class Session {
   absl::Status Dark() {
     Pending<LampsState> done(clock_);
     lamps_->Dark(clock_.Now() + seconds(5), done.sink());
-    const absl::Status dark = done.Wait(clock_.Now() + seconds(6), "Dark").status();
+    absl::Status dark = done.Wait(clock_.Now() + seconds(6), "Dark").status();
     std::printf("dark: %s\n", Text(dark).c_str());
     return dark;
   }
@@ -65,7 +65,7 @@ class Session {
   absl::Status Await(bool good) {
     const TimePoint give_up = clock_.Now() + seconds(60);
     while (clock_.Now() < give_up) {
-      const absl::Status set = Set(1);
+      absl::Status set = Set(1);
       if (set.ok() == good) {
         if (!good && ErrorReason(set) != "DEVICE_LOST") return set;
         return absl::OkStatus();
