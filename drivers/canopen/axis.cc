@@ -281,6 +281,7 @@ absl::Status CanopenAxisLink::DriveFault(DriveState state) {
 absl::StatusOr<AxisReading> CanopenAxisLink::Read() {
   ASSIGN_OR_RETURN(const Look look, LookNow());
   if (const auto nmt = node_.nmt_state(); nmt.has_value() && *nmt != NmtState::kOperational) {
+    RETURN_IF_ERROR(node_.Check());  // it may have booted since
     return node_.Fault(
         absl::StatusCode::kUnavailable, "DEVICE_LOST",
         absl::StrCat("left the state operational by itself and is ", NmtStateName(*nmt)));

@@ -33,6 +33,11 @@ absl::Status Taken(int node, const std::string& bus, const std::string& by) {
 
 }  // namespace
 
+absl::Status OwnCopy(const absl::Status& status) {
+  if (status.ok()) return status;
+  return Error(status.code(), ErrorReason(status), MessageOf(status), ErrorMetadataOf(status));
+}
+
 std::shared_ptr<CanBus> CanBus::Shared(const std::string& name, Clock& clock, CanPortOpener open) {
   Registry& registry = TheRegistry();
   MutexLock lock(&registry.mutex);
@@ -68,7 +73,7 @@ absl::Status CanBus::Connect() {
   MutexLock lock(&connecting_);
   {
     MutexLock inner(&mutex_);
-    if (port_ != nullptr && !useless_) return trouble_;
+    if (port_ != nullptr && !useless_) return OwnCopy(trouble_);
   }
   quit_ = true;
   if (thread_.joinable()) thread_.join();
@@ -80,7 +85,8 @@ absl::Status CanBus::Connect() {
   absl::StatusOr<std::unique_ptr<CanPort>> opened = open_();
   if (!opened.ok()) {
     MutexLock inner(&mutex_);
-    return trouble_ = opened.status();
+    trouble_ = OwnCopy(opened.status());
+    return opened.status();
   }
   std::shared_ptr<CanPort> port = *std::move(opened);
   state_ = port->state();
@@ -91,7 +97,7 @@ absl::Status CanBus::Connect() {
     MutexLock inner(&mutex_);
     port_ = port;
     useless_ = false;
-    trouble_ = connected;
+    trouble_ = OwnCopy(connected);
   }
   thread_ = std::thread([this, port] { Run(*port); });
   return connected;
@@ -101,7 +107,7 @@ absl::Status CanBus::Send(const CanFrame& frame) {
   std::shared_ptr<CanPort> port;
   {
     MutexLock lock(&mutex_);
-    RETURN_IF_ERROR(trouble_);
+    if (!trouble_.ok()) return OwnCopy(trouble_);
     port = port_;
   }
   if (port == nullptr) {
@@ -119,7 +125,7 @@ absl::Status CanBus::Send(const CanFrame& frame) {
 
 absl::Status CanBus::trouble() const {
   MutexLock lock(&mutex_);
-  return trouble_;
+  return OwnCopy(trouble_);
 }
 
 absl::Status CanBus::Add(int node, const std::string& device, NodeListener* listener) {
@@ -227,7 +233,7 @@ void CanBus::Dispatch(const CanEvent& event) {
 void CanBus::Fail(const absl::Status& why, bool useless) {
   {
     MutexLock lock(&mutex_);
-    trouble_ = why;
+    trouble_ = OwnCopy(why);
     useless_ = useless_ || useless;
   }
   MutexLock lock(&listening_);

@@ -193,6 +193,7 @@ absl::StatusOr<std::vector<float>> CanopenLampsLink::Set(const std::vector<float
   RETURN_IF_ERROR(WriteAll(ValuesOf(levels)));
   RETURN_IF_ERROR(node_.Check());
   if (may_be_dark_ || node_.nmt_state() != NmtState::kOperational) {
+    RETURN_IF_ERROR(node_.Check());  // it may have booted since
     return node_.Fault(absl::StatusCode::kFailedPrecondition, "LAMP_NOT_CONFIRMED",
                        "may have gone dark by itself while it was told its outputs");
   }
@@ -251,6 +252,7 @@ absl::Status CanopenLampsLink::Refresh() {
   if (!lit_) return absl::OkStatus();
   const auto state = node_.nmt_state();
   if (!late && state == NmtState::kOperational) return absl::OkStatus();
+  RETURN_IF_ERROR(node_.Check());  // it may have booted since
   for (Output& output : outputs_) output.value.reset();
   lit_ = false;
   may_be_dark_ = true;

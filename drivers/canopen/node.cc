@@ -312,7 +312,7 @@ absl::Status Node::CheckLocked() const {
   if (lost_.ok() && watch_ > Duration::zero() && bus_->heard_until() - last_heartbeat_ > watch_) {
     LoseLocked(absl::StrFormat("has not been heard for %g ms", Milliseconds(watch_)));
   }
-  return lost_;
+  return OwnCopy(lost_);
 }
 
 absl::Status Node::Check() const {

@@ -210,6 +210,7 @@ TEST_F(CanopenAxisTest, BusOffIsLostAndComesBackByHoming) {
   const absl::Status again = Home();
   EXPECT_EQ(ErrorReason(again), "DEVICE_LOST") << again;
   bench_.wire().SetState(bench_.master(), canopen::CanState::kActive);
+  ASSERT_TRUE(bench_.Becomes([&] { return bench_.bus()->trouble().ok(); }));
   EXPECT_EQ(ErrorReason(Move(10)), "DEVICE_LOST");
   EXPECT_TRUE(Home().ok());
   EXPECT_TRUE(Move(10).ok());
