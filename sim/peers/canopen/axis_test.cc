@@ -212,7 +212,8 @@ TEST_F(CanopenAxisTest, BusOffIsLostAndComesBackByHoming) {
   bench_.wire().SetState(bench_.master(), canopen::CanState::kActive);
   ASSERT_TRUE(bench_.Becomes([&] { return bench_.bus()->trouble().ok(); }));
   EXPECT_EQ(ErrorReason(Move(10)), "DEVICE_LOST");
-  EXPECT_TRUE(Home().ok());
+  const absl::Status home = Home();
+  EXPECT_TRUE(home.ok()) << home;
   EXPECT_TRUE(Move(10).ok());
 }
 
