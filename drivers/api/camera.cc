@@ -1,8 +1,10 @@
 #include "drivers/api/camera.h"
 
+#include <algorithm>
 #include <array>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 
 namespace lightstage {
 namespace {
@@ -50,5 +52,21 @@ absl::StatusOr<PixelFormat> ParsePixelFormat(std::string_view name) {
 }
 
 int CentredOffset(int sensor, int size, int step) { return (sensor - size) / 2 / step * step; }
+
+bool FitSide(const char* field, int min, int max, int step, int& value,
+             std::vector<std::string>& notes) {
+  if (value <= 0) {
+    notes.push_back(absl::StrFormat("%s: %d, must lie in [%d, %d]", field, value, min, max));
+    return false;
+  }
+  int fit = std::clamp(value, min, max);
+  fit = min + (fit - min) / step * step;
+  if (fit != value) {
+    notes.push_back(absl::StrFormat("%s: %d asked, %d possible (%d to %d in steps of %d)", field,
+                                    value, fit, min, max, step));
+    value = fit;
+  }
+  return true;
+}
 
 }  // namespace lightstage

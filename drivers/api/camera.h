@@ -35,6 +35,11 @@ bool IsBayer(PixelFormat format);
 // Where a region of `size` begins, so that it is centred on a sensor of `sensor` samples as well as `step` allows.
 int CentredOffset(int sensor, int size, int step);
 
+// Clamps one side of a region to [min, max] and rounds it down to min + n · step; a change becomes a line in `notes`, as ConfigResult has
+// them. False, with a note, if it can not be meant: below 1.
+bool FitSide(const char* field, int min, int max, int step, int& value,
+             std::vector<std::string>& notes);
+
 struct CameraInfo {
   DeviceIdentity identity;
   int sensor_width = 0, sensor_height = 0;

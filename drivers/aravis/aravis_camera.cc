@@ -38,10 +38,7 @@ absl::StatusOr<std::unique_ptr<Camera>> AravisCamera::Open(const AravisOptions& 
 }
 
 AravisCamera::AravisCamera(const AravisOptions& options, const DeviceContext& context)
-    : options_(options),
-      name_(context.name),
-      clock_(*context.clock),
-      thread_(context.name, *context.clock) {}
+    : StreamingCamera(context), options_(options) {}
 
 AravisCamera::~AravisCamera() { thread_.Close(); }
 
@@ -73,111 +70,9 @@ void AravisCamera::OnControlLost() {
   thread_.FailAll(LostError());
 }
 
-absl::Status AravisCamera::TriggerRefusalLocked(Duration exposure) {
-  if (exposure < info_.min_exposure || exposure > info_.max_exposure) {
-    return Error(absl::StatusCode::kOutOfRange, "EXPOSURE_RANGE",
-                 absl::StrCat(name_, ": ", capabilities_.ValidateExposure(exposure).note),
-                 {{"device", name_}, {"exposure_us", absl::StrCat(Seconds(exposure) * 1e6)}});
-  }
-  if (!armed_) {
-    return Error(absl::StatusCode::kFailedPrecondition, "CAMERA_NOT_ARMED",
-                 absl::StrCat(name_, ": must be armed before it is triggered"),
-                 {{"device", name_}});
-  }
-  if (shot_ && !shot_->finished()) {
-    return Error(absl::StatusCode::kFailedPrecondition, "CAMERA_BUSY",
-                 absl::StrCat(name_, ": triggered again before the last frame was ready"),
-                 {{"device", name_}});
-  }
-  return absl::OkStatus();
-}
-
-void AravisCamera::Configure(const CameraConfig& config, TimePoint deadline,
-                             Completion<CameraConfig> done) {
-  bool armed;
-  {
-    MutexLock lock(&mutex_);
-    armed = armed_;
-  }
-  if (armed) {
-    return std::move(done)(Error(absl::StatusCode::kFailedPrecondition, "CAMERA_ARMED",
-                                 absl::StrCat(name_, ": can not be configured while armed"),
-                                 {{"device", name_}}));
-  }
-  if (ConfigResult result = Validate(config); result.verdict != ConfigVerdict::kValid) {
-    return std::move(done)(Error(absl::StatusCode::kInvalidArgument, "CAMERA_CONFIG",
-                                 absl::StrCat(name_, ": ", result.notes.front()),
-                                 {{"device", name_}, {"note", result.notes.front()}}));
-  }
-  auto operation = thread_.Start(std::move(done), deadline, "Configure");
-  thread_.Post([this, operation, config] {
-    if (operation->finished()) return;
-    operation->Complete(DoConfigure(config));
-  });
-}
-
-void AravisCamera::Arm(TimePoint deadline, Completion<CameraConfig> done) {
-  auto operation = thread_.Start(std::move(done), deadline, "Arm");
-  uint64_t disarms;
-  {
-    MutexLock lock(&mutex_);
-    disarms = disarms_;
-  }
-  thread_.Post([this, operation, deadline, disarms] {
-    if (operation->finished()) return;
-    if (absl::Status status = DoArm(deadline); !status.ok()) {
-      operation->Fail(status);
-      return;
-    }
-    {
-      MutexLock lock(&mutex_);
-      armed_ = disarms == disarms_;
-    }
-    operation->Complete(config_);
-  });
-}
-
-void AravisCamera::Trigger(Duration exposure, TimePoint deadline,
-                           Completion<ExposureEnd> exposure_ended, Completion<Frame> frame_ready) {
-  auto shot =
-      std::make_shared<Shot>(exposure, deadline, std::move(exposure_ended), std::move(frame_ready));
-  absl::Status refusal;
-  {
-    MutexLock lock(&mutex_);
-    refusal = TriggerRefusalLocked(exposure);
-    if (refusal.ok()) {
-      shot_ = shot;
-      thread_.Track(shot, deadline,
-                    "the frame");  // in one breath, so that Disarm finds both or neither
-    }
-  }
-  if (!refusal.ok()) {
-    shot->Fail(refusal);
-    return;
-  }
-  thread_.Post([this, shot] { DoTrigger(shot); });
-}
-
-void AravisCamera::Disarm(TimePoint deadline, Completion<CameraConfig> done) {
-  {
-    MutexLock lock(&mutex_);
-    armed_ = false;
-    ++disarms_;
-  }
-  thread_.FailAll(Error(absl::StatusCode::kCancelled, "CAMERA_DISARMED",
-                        absl::StrCat(name_, ": disarmed"), {{"device", name_}}));
-  auto operation = thread_.Start(std::move(done), deadline, "Disarm");
-  thread_.Post([this, operation] {
-    if (link_) link_->StopStream();
-    streaming_ = false;
-    active_.reset();
-    operation->Complete(config_);
-  });
-}
-
 // ---- The device's thread
 
-absl::StatusOr<CameraConfig> AravisCamera::DoConfigure(const CameraConfig& config) {
+absl::Status AravisCamera::DoConfigure(const CameraConfig& config) {
   if (lost_ || !link_) {
     configured_ = streaming_ = false;
     active_.reset();
@@ -198,15 +93,17 @@ absl::StatusOr<CameraConfig> AravisCamera::DoConfigure(const CameraConfig& confi
   }
   ASSIGN_OR_RETURN(config_, link_->Configure(config));
   configured_ = true;
-  return config_;
+  return absl::OkStatus();
 }
 
-absl::Status AravisCamera::DoArm(TimePoint deadline) {
+absl::Status AravisCamera::DoArm(const Outstanding& /*operation*/, TimePoint deadline) {
+  return StartStream(deadline);
+}
+
+absl::Status AravisCamera::StartStream(TimePoint deadline) {
   if (lost_ || !link_) return LostError();
   if (!configured_) {
-    return Error(absl::StatusCode::kFailedPrecondition, "CAMERA_NOT_CONFIGURED",
-                 absl::StrCat(name_, ": must be configured before it is armed"),
-                 {{"device", name_}});
+    return Refusal("CAMERA_NOT_CONFIGURED", "must be configured before it is armed");
   }
   streaming_ = false;
   active_.reset();
@@ -220,6 +117,12 @@ absl::Status AravisCamera::DoArm(TimePoint deadline) {
   return absl::OkStatus();
 }
 
+void AravisCamera::DoDisarm() {
+  if (link_) link_->StopStream();
+  streaming_ = false;
+  active_.reset();
+}
+
 void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
   if (shot->finished()) return;
   if (lost_ || !link_) {
@@ -230,7 +133,7 @@ void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
   if (active_) out_of_step_ = true;
   if (out_of_step_ || !streaming_) {
     spdlog::warn("{}: starting the stream anew after a stray or missing frame", name_);
-    if (absl::Status status = DoArm(shot->deadline); !status.ok()) {
+    if (absl::Status status = StartStream(shot->deadline); !status.ok()) {
       shot->Fail(status);
       return;
     }

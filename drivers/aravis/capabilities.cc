@@ -28,24 +28,6 @@ constexpr Format kUsable[] = {
     {PixelFormat::kRGB16, 0x02300018, 10},
 };
 
-// Clamps and rounds one size; says so in `notes`. False if it can not be meant.
-bool FitSize(const char* field, const AravisCapabilities::Size& range, int& value,
-             std::vector<std::string>& notes) {
-  if (value <= 0) {
-    notes.push_back(
-        absl::StrFormat("%s: %d, must lie in [%d, %d]", field, value, range.min, range.max));
-    return false;
-  }
-  int fit = std::clamp(value, range.min, range.max);
-  fit = range.min + (fit - range.min) / range.step * range.step;
-  if (fit != value) {
-    notes.push_back(absl::StrFormat("%s: %d asked, %d possible (%d to %d in steps of %d)", field,
-                                    value, fit, range.min, range.max, range.step));
-    value = fit;
-  }
-  return true;
-}
-
 }  // namespace
 
 std::vector<Format> UsableFormats(const std::vector<uint32_t>& codes) {
@@ -92,8 +74,9 @@ ConfigResult AravisCapabilities::Validate(const CameraConfig& config) const {
                                            PixelFormatName(config.format), offered));
     possible = false;
   }
-  possible &= FitSize("width", width, result.config.width, result.notes);
-  possible &= FitSize("height", height, result.config.height, result.notes);
+  possible &= FitSide("width", width.min, width.max, width.step, result.config.width, result.notes);
+  possible &=
+      FitSide("height", height.min, height.max, height.step, result.config.height, result.notes);
   if (!std::isfinite(config.gain_db)) {
     result.notes.push_back(absl::StrFormat("gain_db: %g, must lie in [%g, %g]", config.gain_db,
                                            MinGainDb(), MaxGainDb()));

@@ -14,24 +14,6 @@ constexpr double kGainTolerance = 0.005;
 
 double Us(Duration d) { return Seconds(d) * 1e6; }
 
-// Clamps and rounds one side; says so in `notes`. False if it can not be meant.
-bool FitSide(const char* field, FrameSizes::Range range, int& value,
-             std::vector<std::string>& notes) {
-  if (value <= 0) {
-    notes.push_back(
-        absl::StrFormat("%s: %d, must lie in [%d, %d]", field, value, range.min, range.max));
-    return false;
-  }
-  int fit = std::clamp(value, range.min, range.max);
-  fit = range.min + (fit - range.min) / range.step * range.step;
-  if (fit != value) {
-    notes.push_back(absl::StrFormat("%s: %d asked, %d possible (%d to %d in steps of %d)", field,
-                                    value, fit, range.min, range.max, range.step));
-    value = fit;
-  }
-  return true;
-}
-
 }  // namespace
 
 std::string FormatNames(const std::vector<VideoDescription::Format>& offered) {
@@ -169,8 +151,8 @@ bool V4l2Capabilities::FitSize(const FrameSizes& sizes, CameraConfig& config,
       if (config.width == sensor_width) width = {sensor_width, sensor_width, 1};
       if (config.height == sensor_height) height = {sensor_height, sensor_height, 1};
     }
-    const bool width_ok = FitSide("width", width, config.width, notes);
-    return FitSide("height", height, config.height, notes) && width_ok;
+    const bool width_ok = FitSide("width", width.min, width.max, width.step, config.width, notes);
+    return FitSide("height", height.min, height.max, height.step, config.height, notes) && width_ok;
   }
   std::string offered;
   for (const auto& [w, h] : sizes.discrete) {

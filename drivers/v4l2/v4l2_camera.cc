@@ -54,11 +54,7 @@ absl::StatusOr<std::unique_ptr<Camera>> V4l2Camera::Open(VideoSystem& system,
 
 V4l2Camera::V4l2Camera(VideoSystem& system, const V4l2Options& options,
                        const DeviceContext& context)
-    : system_(system),
-      options_(options),
-      name_(context.name),
-      clock_(*context.clock),
-      thread_(context.name, *context.clock) {}
+    : StreamingCamera(context), system_(system), options_(options) {}
 
 V4l2Camera::~V4l2Camera() {
   waker_.Wake();
@@ -78,111 +74,9 @@ absl::Status V4l2Camera::LostError() const {
                {{"device", name_}, {"camera", info_.identity.model}});
 }
 
-absl::Status V4l2Camera::Refusal(std::string_view reason, std::string_view message) const {
-  return Error(absl::StatusCode::kFailedPrecondition, reason, absl::StrCat(name_, ": ", message),
-               {{"device", name_}});
-}
-
-absl::Status V4l2Camera::TriggerRefusalLocked(Duration exposure) {
-  if (ExposureResult real = ValidateExposure(exposure); real.verdict != ConfigVerdict::kValid) {
-    return Error(absl::StatusCode::kOutOfRange, "EXPOSURE_RANGE",
-                 absl::StrCat(name_, ": ", real.note),
-                 {{"device", name_}, {"exposure_us", absl::StrCat(Seconds(exposure) * 1e6)}});
-  }
-  if (!armed_) return Refusal("CAMERA_NOT_ARMED", "must be armed before it is triggered");
-  if (shot_ && !shot_->finished()) {
-    return Refusal("CAMERA_BUSY", "triggered again before the last frame was ready");
-  }
-  return absl::OkStatus();
-}
-
-void V4l2Camera::Configure(const CameraConfig& config, TimePoint deadline,
-                           Completion<CameraConfig> done) {
-  bool armed;
-  {
-    MutexLock lock(&mutex_);
-    armed = armed_;
-  }
-  if (armed) {
-    return std::move(done)(Refusal("CAMERA_ARMED", "can not be configured while armed"));
-  }
-  if (ConfigResult result = Validate(config); result.verdict != ConfigVerdict::kValid) {
-    return std::move(done)(Error(absl::StatusCode::kInvalidArgument, "CAMERA_CONFIG",
-                                 absl::StrCat(name_, ": ", result.notes.front()),
-                                 {{"device", name_}, {"note", result.notes.front()}}));
-  }
-  auto operation = thread_.Start(std::move(done), deadline, "Configure");
-  thread_.Post([this, operation, config] {
-    if (operation->finished()) return;
-    operation->Complete(DoConfigure(config));
-  });
-}
-
-void V4l2Camera::Arm(TimePoint deadline, Completion<CameraConfig> done) {
-  auto operation = thread_.Start(std::move(done), deadline, "Arm");
-  uint64_t disarms;
-  {
-    MutexLock lock(&mutex_);
-    disarms = disarms_;
-  }
-  thread_.Post([this, operation, disarms] {
-    if (operation->finished()) return;
-    if (absl::Status status = DoArm(*operation); !status.ok()) {
-      operation->Fail(status);
-      return;
-    }
-    {
-      MutexLock lock(&mutex_);
-      armed_ = disarms == disarms_;
-    }
-    operation->Complete(config_);
-  });
-  waker_.Wake();
-}
-
-void V4l2Camera::Trigger(Duration exposure, TimePoint deadline,
-                         Completion<ExposureEnd> exposure_ended, Completion<Frame> frame_ready) {
-  auto shot =
-      std::make_shared<Shot>(exposure, deadline, std::move(exposure_ended), std::move(frame_ready));
-  shot->sent = clock_.Now();  // the light is right from here on
-  absl::Status refusal;
-  {
-    MutexLock lock(&mutex_);
-    refusal = TriggerRefusalLocked(exposure);
-    if (refusal.ok()) {
-      shot_ = shot;
-      thread_.Track(shot, deadline,
-                    "the frame");  // in one breath, so that Disarm finds both or neither
-    }
-  }
-  if (!refusal.ok()) {
-    shot->Fail(refusal);
-    return;
-  }
-  thread_.Post([this, shot] { DoTrigger(shot); });
-  waker_.Wake();
-}
-
-void V4l2Camera::Disarm(TimePoint deadline, Completion<CameraConfig> done) {
-  {
-    MutexLock lock(&mutex_);
-    armed_ = false;
-    ++disarms_;
-  }
-  thread_.FailAll(Error(absl::StatusCode::kCancelled, "CAMERA_DISARMED",
-                        absl::StrCat(name_, ": disarmed"), {{"device", name_}}));
-  auto operation = thread_.Start(std::move(done), deadline, "Disarm");
-  thread_.Post([this, operation] {
-    if (link_) link_->StopStream();
-    active_.reset();
-    operation->Complete(config_);
-  });
-  waker_.Wake();
-}
-
 // ---- The device's thread: configuration and stream
 
-absl::StatusOr<CameraConfig> V4l2Camera::DoConfigure(const CameraConfig& config) {
+absl::Status V4l2Camera::DoConfigure(const CameraConfig& config) {
   configured_ = false;
   settled_ = false;
   if (lost_ || !link_) {
@@ -208,13 +102,13 @@ absl::StatusOr<CameraConfig> V4l2Camera::DoConfigure(const CameraConfig& config)
   absl::StatusOr<CameraConfig> configured = link_->Configure(config);
   if (!configured.ok()) {
     if (ErrorReason(configured.status()) == "DEVICE_LOST") OnTrouble(configured.status());
-    return configured;
+    return configured.status();
   }
   interval_ns_ = stretches() ? 0 : link_->interval().count();
   measured_interval_ = {};
   config_ = *configured;
   configured_ = true;
-  return config_;
+  return absl::OkStatus();
 }
 
 absl::Status V4l2Camera::Begin() {
@@ -228,7 +122,7 @@ absl::Status V4l2Camera::Begin() {
   return started;
 }
 
-absl::Status V4l2Camera::DoArm(const Outstanding& operation) {
+absl::Status V4l2Camera::DoArm(const Outstanding& operation, TimePoint /*deadline*/) {
   if (lost_ || !link_) return LostError();
   if (!configured_) {
     return Refusal("CAMERA_NOT_CONFIGURED", "must be configured before it is armed");
@@ -288,6 +182,11 @@ absl::Status V4l2Camera::SetExposure(Duration exposure) {
   if (!used.ok()) return used.status();
   used_exposure_ = *used;
   return absl::OkStatus();
+}
+
+void V4l2Camera::DoDisarm() {
+  if (link_) link_->StopStream();
+  active_.reset();
 }
 
 void V4l2Camera::DoTrigger(const std::shared_ptr<Shot>& shot) {

@@ -5,17 +5,14 @@
 #include <atomic>
 #include <memory>
 #include <optional>
-#include <string>
 
-#include "absl/base/thread_annotations.h"
-#include "base/mutex.h"
-#include "drivers/link/device_thread.h"
+#include "drivers/link/streaming_camera.h"
 #include "drivers/v4l2/link.h"
 #include "drivers/v4l2/waker.h"
 
 namespace lightstage {
 
-class V4l2Camera final : public Camera {
+class V4l2Camera final : public StreamingCamera {
  public:
   // `system` outlives the camera.
   static absl::StatusOr<std::unique_ptr<Camera>> Open(VideoSystem& system,
@@ -23,33 +20,26 @@ class V4l2Camera final : public Camera {
                                                       const DeviceContext& context);
   ~V4l2Camera() override;
 
-  const CameraInfo& info() const override { return info_; }
   ConfigResult Validate(const CameraConfig& config) const override {
     return capabilities_.Validate(config);
   }
   ExposureResult ValidateExposure(Duration exposure) const override;
-  // After the camera was lost this opens it anew, wherever it is plugged in now.
-  void Configure(const CameraConfig& config, TimePoint deadline,
-                 Completion<CameraConfig> done) override;
-  void Arm(TimePoint deadline, Completion<CameraConfig> done) override;
-  void Trigger(Duration exposure, TimePoint deadline, Completion<ExposureEnd> exposure_ended,
-               Completion<Frame> frame_ready) override;
-  void Disarm(TimePoint deadline, Completion<CameraConfig> done) override;
 
  private:
   V4l2Camera(VideoSystem& system, const V4l2Options& options, const DeviceContext& context);
 
   // ---- Any thread.
   absl::Status LostError() const;
-  absl::Status Refusal(std::string_view reason, std::string_view message) const;
-  absl::Status TriggerRefusalLocked(Duration exposure) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Wake() override { waker_.Wake(); }
 
   // ---- The device's thread.
-  absl::StatusOr<CameraConfig> DoConfigure(const CameraConfig& config);
-  absl::Status DoArm(const Outstanding& operation);
+  // After the camera was lost this opens it anew, wherever it is plugged in now.
+  absl::Status DoConfigure(const CameraConfig& config) override;
+  absl::Status DoArm(const Outstanding& operation, TimePoint deadline) override;
   absl::Status Begin();
   absl::Status SetExposure(Duration exposure);
-  void DoTrigger(const std::shared_ptr<Shot>& shot);
+  void DoTrigger(const std::shared_ptr<Shot>& shot) override;
+  void DoDisarm() override;
   bool Silent() const;
   void StartPump();
   void Pump();
@@ -65,15 +55,11 @@ class V4l2Camera final : public Camera {
 
   VideoSystem& system_;
   const V4l2Options options_;
-  const std::string name_;
-  Clock& clock_;
-  CameraInfo info_;
   V4l2Capabilities capabilities_;
   Waker waker_;
 
   // The device's thread only, once it runs.
   std::unique_ptr<V4l2Link> link_;
-  CameraConfig config_;  // as the camera read it back
   bool configured_ = false;
   bool pumping_ = false;
   std::shared_ptr<Shot> active_;  // triggered, its frame not yet seen
@@ -93,12 +79,6 @@ class V4l2Camera final : public Camera {
 
   std::atomic<bool> lost_{false};
   std::atomic<int64_t> interval_ns_{0};  // as configured
-
-  Mutex mutex_;
-  bool armed_ ABSL_GUARDED_BY(mutex_) = false;
-  uint64_t disarms_ ABSL_GUARDED_BY(mutex_) = 0;  // an Arm that a Disarm overtook does not arm
-  std::shared_ptr<Shot> shot_ ABSL_GUARDED_BY(mutex_);  // the last one triggered
-  DeviceThread thread_;  // last: what its tasks use is there before it and after it
 };
 
 }  // namespace lightstage
