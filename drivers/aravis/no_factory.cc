@@ -1,4 +1,5 @@
 // In place of factory.cc where libaravis was missing at build time.
+#include "drivers/api/not_built.h"
 #include "drivers/aravis/driver.h"
 
 namespace lightstage {
@@ -10,22 +11,7 @@ constexpr char kMissing[] =
 
 }  // namespace
 
-Driver<Camera> AravisDriver() {
-  Driver<Camera> driver;
-  driver.parse = [](const TomlTable& table) -> DeviceOpener<Camera> {
-    table.Ignore();
-    table.ErrorAt("driver", kMissing);
-    return [](const DeviceContext&) -> absl::StatusOr<std::unique_ptr<Camera>> {
-      return Error(absl::StatusCode::kUnimplemented, "DRIVER_NOT_BUILT", kMissing);
-    };
-  };
-  return driver;
-}
-
-Discovery AravisDiscovery() {
-  return []() -> absl::StatusOr<std::vector<Discovered>> {
-    return Error(absl::StatusCode::kUnimplemented, "DRIVER_NOT_BUILT", kMissing);
-  };
-}
+Driver<Camera> AravisDriver() { return NotBuiltDriver<Camera>(kMissing); }
+Discovery AravisDiscovery() { return NotBuiltDiscovery(kMissing); }
 
 }  // namespace lightstage

@@ -53,8 +53,6 @@ ProjectorInfo DisplayLink::info() const {
 }
 
 absl::Status DisplayLink::Show(const Pattern& pattern) {
-  // What never had a window has nothing to darken.
-  if (!opened_ && pattern.arrangement == PatternArrangement::kBlack) return absl::OkStatus();
   if (screen_ == nullptr) RETURN_IF_ERROR(Connect());
   absl::Status shown = screen_->Show(RasterOf(pattern, width_, height_, options_.gamma), 1);
   if (!shown.ok() && ErrorReason(shown) != "DEVICE_FAULT") screen_.reset();

@@ -111,10 +111,7 @@ ProjectorInfo Link::info() const {
 
 absl::Status Link::Show(const Pattern& pattern) {
   const bool black = pattern.arrangement == PatternArrangement::kBlack;
-  if (controller_ == nullptr) {
-    if (black && !connected_once_) return absl::OkStatus();  // never lit
-    RETURN_IF_ERROR(Connect());
-  }
+  if (controller_ == nullptr) RETURN_IF_ERROR(Connect());
   absl::Status shown = black ? Dark() : options_.flash ? ShowStored(pattern) : ShowVideo(pattern);
   if (shown.ok()) return shown;
   const std::string reason = ErrorReason(shown);

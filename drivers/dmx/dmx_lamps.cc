@@ -63,11 +63,7 @@ class DmxLink final : public LampsLink {
   }
 
   absl::StatusOr<std::vector<float>> Set(const std::vector<float>& levels) override {
-    if (widget_ == nullptr) {
-      if (!connected_)
-        return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST", "never connected");
-      RETURN_IF_ERROR(Connect());
-    }
+    if (widget_ == nullptr) RETURN_IF_ERROR(Connect());
     absl::Status shown = widget_->Show(SlotsOf(options_.channels, levels));
     if (!shown.ok()) {
       widget_.reset();

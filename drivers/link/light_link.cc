@@ -28,6 +28,7 @@ class Light {
       info->identity.name = thread_.name();
       info->identity.driver = driver;
       settle_ = info->settle;
+      connected_ = true;
       return absl::OkStatus();
     });
   }
@@ -72,9 +73,10 @@ class Light {
     });
   }
 
-  // `apply` makes it dark. Before what it uses is gone.
+  // `apply` makes it dark. Before what it uses is gone. What was never connected is not touched.
   void Close(Apply apply) {
     thread_.Post([this, apply = std::move(apply)]() mutable {
+      if (!connected_) return;
       if (absl::Status dark = Do(apply).status(); !dark.ok()) {
         spdlog::error("{}: may be lit after closing: {}", thread_.name(), MessageOf(dark));
       }
@@ -121,6 +123,7 @@ class Light {
   const char* const busy_reason_;
   Duration settle_{};  // the device's thread only, like this
   bool lost_ = false;
+  bool connected_ = false;  // ever
 
   Mutex mutex_;
   int interrupting_ ABSL_GUARDED_BY(mutex_) = 0;
@@ -132,15 +135,9 @@ class LinkedLamps final : public Lamps {
  public:
   LinkedLamps(const DeviceContext& context, std::unique_ptr<LampsLink> link)
       : light_(context, std::move(link), "LAMPS_BUSY") {}
-  ~LinkedLamps() override {
-    if (connected_) light_.Close(Setting(AllDark()));
-  }
+  ~LinkedLamps() override { light_.Close(Setting(AllDark())); }
 
-  absl::Status Connect(std::string_view driver) {
-    RETURN_IF_ERROR(light_.Connect(driver, &info_));
-    connected_ = true;
-    return absl::OkStatus();
-  }
+  absl::Status Connect(std::string_view driver) { return light_.Connect(driver, &info_); }
   const LampsInfo& info() const override { return info_; }
 
   void Set(const std::vector<float>& levels, TimePoint deadline,
@@ -188,7 +185,6 @@ class LinkedLamps final : public Lamps {
   }
 
   LampsInfo info_;
-  bool connected_ = false;  // else there is nothing to darken
   Mutex mutex_;
   bool refreshing_ ABSL_GUARDED_BY(mutex_) = false;
   absl::Status refreshed_ ABSL_GUARDED_BY(mutex_);  // how the last one went

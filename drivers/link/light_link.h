@@ -19,8 +19,8 @@ class LampsLink {
  public:
   virtual ~LampsLink() = default;
 
-  // Connects, or connects anew, and leaves all lamps dark. Fails if it is another device than before. The link's destructor must not
-  // need the device.
+  // Connects, or connects anew, and leaves all lamps dark. Fails if it is another device than before. Nothing else is called before it
+  // succeeded once. The link's destructor must not need the device.
   virtual absl::Status Connect() = 0;
   // After Connect(); the same after every one. The identity's name and driver are the caller's to fill in.
   virtual LampsInfo info() const = 0;

@@ -47,9 +47,8 @@ class ModbusLampsLink final : public LampsLink {
   }
 
   absl::StatusOr<std::vector<float>> Set(const std::vector<float>& levels) override {
-    // A device that could not be opened is made dark without its levels being known.
     std::vector<int> wanted(o_.lamps());
-    for (size_t i = 0; i < std::min(levels.size(), wanted.size()); ++i) {
+    for (size_t i = 0; i < wanted.size(); ++i) {
       wanted[i] = static_cast<int>(std::lround(static_cast<double>(levels[i]) * o_.full));
     }
     const bool known = std::exchange(known_, false);
