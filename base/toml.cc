@@ -414,6 +414,8 @@ absl::Status TomlDocument::Finish() const {
   impl.errors = std::move(recorded);  // Finish() may be asked again
   if (errors.empty()) return absl::OkStatus();
   std::sort(errors.begin(), errors.end());
+  // What two readers of a table say of it is said once.
+  errors.erase(std::unique(errors.begin(), errors.end()), errors.end());
   std::vector<std::string> lines;
   for (const auto& [line, column, text] : errors) {
     if (lines.size() == kMostErrors) break;

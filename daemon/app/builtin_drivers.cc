@@ -7,14 +7,22 @@
 #include "drivers/dmx/driver.h"
 #include "drivers/modbus/driver.h"
 #include "drivers/v4l2/driver.h"
+#include "sim/peers/canopen/drivers.h"
+#include "sim/peers/dlpc350/drivers.h"
+#include "sim/peers/dmx/drivers.h"
 #include "sim/peers/gige/drivers.h"
+#include "sim/peers/modbus/drivers.h"
 #include "sim/rig/drivers.h"
 
 namespace lightstage {
 
 std::shared_ptr<sim::Simulation> RegisterBuiltinDrivers(DriverRegistry& registry) {
   std::shared_ptr<sim::Simulation> simulation = sim::RegisterSimulatedDrivers(registry);
+  sim::RegisterCanopenPeers(registry, simulation);
+  sim::RegisterDlpc350Peer(registry, simulation);
+  sim::RegisterDmxPeer(registry, simulation);
   sim::RegisterGigePeer(registry, simulation);
+  sim::RegisterModbusPeers(registry, simulation);
   registry.cameras["aravis"] = AravisDriver();
   registry.cameras["v4l2"] = V4l2Driver();
   registry.axes["canopen"] = CanopenAxisDriver();

@@ -218,13 +218,9 @@ DeviceOpener<Camera> ParseCamera(const SimulationPtr& simulation, const TomlTabl
 }
 
 DeviceOpener<Axis> ParseAxis(const SimulationPtr& simulation, const TomlTable& table) {
-  const std::string& path = table.path();
-  const bool tilts = path.ends_with("tilt");
-  if (!tilts && !path.ends_with("turntable")) {
-    table.ErrorAt("", "the simulated axes are [turntable] and [tilt]");
-  }
   SimAxisOptions o;
-  o.role = tilts ? AxisRole::kTilt : AxisRole::kTurntable;
+  o.role = AxisRoleOf(table);
+  const bool tilts = o.role == AxisRole::kTilt;
   o.continuous = !tilts;
   if (tilts) {
     o.min = Degrees(table.Double("min_deg", 0, 89, 0));
@@ -264,7 +260,7 @@ DeviceOpener<Projector> ParseProjector(const SimulationPtr& simulation, const To
   o.latency = table.Time("latency_ms", 0, 60e3, 0);
   return
       [simulation, o](const DeviceContext& context) -> absl::StatusOr<std::unique_ptr<Projector>> {
-        if (!context.geometry->projector.present) return Lacks(context, "projector");
+        RETURN_IF_ERROR(CheckProjector(context));
         ASSIGN_OR_RETURN(auto world, simulation->OpenWorld(*context.geometry, *context.clock));
         return std::make_unique<SimProjector>(context.name, o, std::move(world));
       };
@@ -282,6 +278,29 @@ Driver<Device> MakeDriver(const SimulationPtr& simulation,
 }
 
 }  // namespace
+
+AxisRole AxisRoleOf(const TomlTable& table) {
+  const std::string& path = table.path();
+  if (path.ends_with("tilt")) return AxisRole::kTilt;
+  if (!path.ends_with("turntable")) {
+    table.ErrorAt("", "the simulated axes are [turntable] and [tilt]");
+  }
+  return AxisRole::kTurntable;
+}
+
+absl::Status CheckLampCount(const DeviceContext& context, int lamps) {
+  const size_t there = context.geometry->brace.lamps.size();
+  if (there == 0) return Lacks(context, "lamps");
+  if (there == static_cast<size_t>(lamps)) return absl::OkStatus();
+  return Error(absl::StatusCode::kFailedPrecondition, "GEOMETRY",
+               absl::StrCat(context.name, ": has ", lamps,
+                            " lamps, must have as many as the rig's brace: ", there),
+               {{"device", context.name}});
+}
+
+absl::Status CheckProjector(const DeviceContext& context) {
+  return context.geometry->projector.present ? absl::OkStatus() : Lacks(context, "projector");
+}
 
 std::shared_ptr<Simulation> RegisterSimulatedDrivers(DriverRegistry& registry) {
   auto simulation = std::make_shared<SharedSimulation>();

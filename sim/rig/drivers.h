@@ -22,6 +22,15 @@ class Simulation {
                                                            Clock& clock) = 0;
 };
 
+// Which of the rig's axes the table describes; an error at the table if it is neither. For drivers of simulated axes.
+AxisRole AxisRoleOf(const TomlTable& table);
+
+// FAILED_PRECONDITION / GEOMETRY if the rig's brace has not just so many lamps, or none. For drivers of simulated lamps.
+absl::Status CheckLampCount(const DeviceContext& context, int lamps);
+
+// FAILED_PRECONDITION / GEOMETRY if the rig has no projector.
+absl::Status CheckProjector(const DeviceContext& context);
+
 // Adds the drivers. Whoever serves the simulated picture by other means (sim/peers) gets the world from the result; others may
 // ignore it.
 std::shared_ptr<Simulation> RegisterSimulatedDrivers(DriverRegistry& registry);

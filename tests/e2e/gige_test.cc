@@ -1,10 +1,7 @@
 // A capture through the wire a real camera would use: GVCP and GVSP on loopback, the aravis driver, and a camera that nobody can tell
 // from one made of glass.
-#include <cmath>
-
-#include "dataset/basis_exr.h"
 #include "gtest/gtest.h"
-#include "tests/harness/daemon.h"
+#include "tests/harness/compare.h"
 
 namespace lightstage {
 namespace {
@@ -34,25 +31,9 @@ TEST(Gige, ALightStageThroughTheWireEqualsTheDirectOne) {
   EXPECT_EQ(described["rig"]["devices"][0]["kind"], "DEVICE_KIND_CAMERA");
   std::string wire_run = wire.Capture(plan);
 
-  Json run = wire.Run(wire_run);
-  ASSERT_EQ(run["doneShots"], 16);
-  double worst = 0;
-  for (int shot = 0; shot < 16; ++shot) {
-    char name[32];
-    std::snprintf(name, sizeof name, "basis/%06d.exr", shot);
-    auto a = ReadBasisExr((direct.RunFolder(direct_run) / name).string());
-    auto b = ReadBasisExr((wire.RunFolder(wire_run) / name).string());
-    ASSERT_TRUE(a.ok()) << a.status();
-    ASSERT_TRUE(b.ok()) << b.status();
-    ASSERT_TRUE(a->image.pixels.SameShape(b->image.pixels));
-    for (size_t i = 0; i < a->image.pixels.pixels().size(); ++i) {
-      double x = a->image.pixels.pixels()[i], y = b->image.pixels.pixels()[i];
-      // One code of 12 bits in the longer exposure, 16 ms, and one step of the file's half precision.
-      double step = 1.0 / 4095 / 0.016 + std::max(x, y) / 1024;
-      worst = std::max(worst, std::abs(x - y) / step);
-    }
-  }
-  EXPECT_LE(worst, 1.0) << "in units of one code";
+  const BasisComparison same = CompareBasis(direct, direct_run, wire, wire_run, 12, 0.016);
+  EXPECT_EQ(same.images, 16);
+  EXPECT_LE(same.worst, 1.0) << same.where;
 }
 
 }  // namespace

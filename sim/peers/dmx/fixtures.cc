@@ -15,7 +15,7 @@ void DmxFixtures::Receive(std::span<const uint8_t> slots, TimePoint at) {
       levels.push_back(static_cast<float>(coarse) / 255.0f);
     }
   }
-  world_->RampLamps(at, options_.rise, options_.fall, levels);
+  if (world_ != nullptr) world_->RampLamps(at, options_.rise, options_.fall, levels);
 }
 
 }  // namespace lightstage::sim

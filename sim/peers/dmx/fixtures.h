@@ -20,6 +20,7 @@ struct DmxFixtureOptions {
 // Not thread-safe; whoever feeds it has a lock.
 class DmxFixtures {
  public:
+  // `world` may be null.
   DmxFixtures(const DmxFixtureOptions& options, std::shared_ptr<World> world)
       : options_(options), world_(std::move(world)) {}
 

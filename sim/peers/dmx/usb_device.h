@@ -41,7 +41,7 @@ class SimUsbDevice : public std::enable_shared_from_this<SimUsbDevice> {
   // Lets what is due happen. Light is right without it: a timer calls it too.
   void Advance();
 
-  // FAILED_PRECONDITION / DEVICE_BUSY if it is open.
+  // FAILED_PRECONDITION / DEVICE_BUSY if it is open. Unlike others, this port is for any number of threads.
   absl::StatusOr<std::unique_ptr<dmx::UsbPort>> Open();
 
  protected:

@@ -4,44 +4,10 @@
 
 #include "drivers/aravis/driver.h"
 #include "sim/peers/gige/camera_server.h"
+#include "sim/rig/served.h"
 
 namespace lightstage::sim {
 namespace {
-
-// The aravis driver's camera together with the server at the other end of its wire.
-class ServedCamera final : public Camera {
- public:
-  ServedCamera(std::unique_ptr<GigeCameraServer> server, std::unique_ptr<Camera> camera)
-      : server_(std::move(server)), camera_(std::move(camera)), info_(camera_->info()) {
-    info_.identity.driver = "sim-gige";
-  }
-  const CameraInfo& info() const override { return info_; }
-  ConfigResult Validate(const CameraConfig& config) const override {
-    return camera_->Validate(config);
-  }
-  ExposureResult ValidateExposure(Duration exposure) const override {
-    return camera_->ValidateExposure(exposure);
-  }
-  void Configure(const CameraConfig& config, TimePoint deadline,
-                 Completion<CameraConfig> done) override {
-    camera_->Configure(config, deadline, std::move(done));
-  }
-  void Arm(TimePoint deadline, Completion<CameraConfig> done) override {
-    camera_->Arm(deadline, std::move(done));
-  }
-  void Trigger(Duration exposure, TimePoint deadline, Completion<ExposureEnd> exposure_ended,
-               Completion<Frame> frame_ready) override {
-    camera_->Trigger(exposure, deadline, std::move(exposure_ended), std::move(frame_ready));
-  }
-  void Disarm(TimePoint deadline, Completion<CameraConfig> done) override {
-    camera_->Disarm(deadline, std::move(done));
-  }
-
- private:
-  const std::unique_ptr<GigeCameraServer> server_;  // outlives the camera
-  const std::unique_ptr<Camera> camera_;
-  CameraInfo info_;
-};
 
 GigeCameraOptions ParsePeer(const TomlTable& table) {
   GigeCameraOptions options;
@@ -75,7 +41,7 @@ void RegisterGigePeer(DriverRegistry& registry, const std::shared_ptr<Simulation
       ASSIGN_OR_RETURN(std::unique_ptr<GigeCameraServer> server,
                        GigeCameraServer::Start(options, std::move(world)));
       ASSIGN_OR_RETURN(std::unique_ptr<Camera> camera, connect(context));
-      return std::make_unique<ServedCamera>(std::move(server), std::move(camera));
+      return std::make_unique<ServedCamera>(std::move(server), std::move(camera), "sim-gige");
     };
   };
 }

@@ -18,6 +18,11 @@ constexpr int64_t kUnhomedOffset = 777;
 
 }  // namespace
 
+bool ModbusDrivePeer::Knows(const std::string& kind) {
+  return std::any_of(DriveMaps().begin(), DriveMaps().end(),
+                     [&](const DriveMap& map) { return map.kind == kind; });
+}
+
 absl::StatusOr<std::shared_ptr<ModbusDrivePeer>> ModbusDrivePeer::Create(
     const DrivePeerOptions& options, std::shared_ptr<World> world) {
   for (const DriveMap& map : DriveMaps()) {

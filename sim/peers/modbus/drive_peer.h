@@ -32,6 +32,7 @@ enum class DriveAction;
 
 class ModbusDrivePeer final : public ModbusDevice {
  public:
+  static bool Knows(const std::string& kind);
   // The world must be on real time. INVALID_ARGUMENT / PEER_NOT_STARTED if there is no such kind.
   static absl::StatusOr<std::shared_ptr<ModbusDrivePeer>> Create(const DrivePeerOptions& options,
                                                                  std::shared_ptr<World> world);

@@ -34,21 +34,34 @@ absl::Status NotStarted(const char* what) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<ModbusServer>> ModbusServer::StartTcp(Devices devices) {
+absl::StatusOr<std::unique_ptr<ModbusServer>> ModbusServer::StartTcp(Devices devices, int port) {
   std::unique_ptr<ModbusServer> server(new ModbusServer(std::move(devices)));
   server->tcp_ = true;
+  server->port_ = port;
   RETURN_IF_ERROR(server->Plug());
   server->Start();
   return server;
 }
 
-absl::StatusOr<std::unique_ptr<ModbusServer>> ModbusServer::StartRtu(Devices devices) {
+absl::StatusOr<std::unique_ptr<ModbusServer>> ModbusServer::StartRtu(Devices devices,
+                                                                     std::string link) {
   std::unique_ptr<ModbusServer> server(new ModbusServer(std::move(devices)));
-  std::string directory =
-      (std::filesystem::temp_directory_path() / "lightstage-pty-XXXXXX").string();
-  if (mkdtemp(directory.data()) == nullptr) return NotStarted("a folder for the terminal");
-  server->directory_ = directory;
-  server->link_ = directory + "/port";
+  if (link.empty()) {
+    std::string directory =
+        (std::filesystem::temp_directory_path() / "lightstage-pty-XXXXXX").string();
+    if (mkdtemp(directory.data()) == nullptr) return NotStarted("a folder for the terminal");
+    server->directory_ = directory;
+    link = directory + "/port";
+  }
+  // What an earlier one left may go, and nothing else.
+  std::error_code none;
+  const std::filesystem::path there = std::filesystem::read_symlink(link, none);
+  if (std::filesystem::exists(std::filesystem::symlink_status(link, none)) &&
+      there.parent_path() != "/dev/pts") {
+    errno = EEXIST;
+    return NotStarted(link.c_str());
+  }
+  server->link_ = std::move(link);
   RETURN_IF_ERROR(server->Plug());
   server->Start();
   return server;

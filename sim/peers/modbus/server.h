@@ -43,9 +43,11 @@ class ModbusServer {
  public:
   using Devices = std::map<int, std::shared_ptr<ModbusDevice>>;  // shared with who looks at them
 
-  // On 127.0.0.1, on a port that is free. UNAVAILABLE / PEER_NOT_STARTED.
-  static absl::StatusOr<std::unique_ptr<ModbusServer>> StartTcp(Devices devices);
-  static absl::StatusOr<std::unique_ptr<ModbusServer>> StartRtu(Devices devices);
+  // On 127.0.0.1; port 0: one that is free. UNAVAILABLE / PEER_NOT_STARTED.
+  static absl::StatusOr<std::unique_ptr<ModbusServer>> StartTcp(Devices devices, int port = 0);
+  // The terminal gets the name `link`, where nothing may be yet, or one in a new folder.
+  static absl::StatusOr<std::unique_ptr<ModbusServer>> StartRtu(Devices devices,
+                                                                std::string link = "");
   ~ModbusServer();
   ModbusServer(const ModbusServer&) = delete;
   ModbusServer& operator=(const ModbusServer&) = delete;

@@ -1,0 +1,56 @@
+#include "tests/harness/compare.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "dataset/basis_exr.h"
+#include "gtest/gtest.h"
+
+namespace lightstage {
+
+BasisComparison CompareBasis(Daemon& a, const std::string& run_a, Daemon& b,
+                             const std::string& run_b, int bits, double exposure_s) {
+  BasisComparison result;
+  const int shots = a.Run(run_a)["doneShots"];
+  EXPECT_EQ(b.Run(run_b)["doneShots"], shots);
+  int lit = 0;
+  for (int shot = 0; shot < shots; ++shot) {
+    char name[32];
+    std::snprintf(name, sizeof name, "basis/%06d.exr", shot);
+    const auto one = ReadBasisExr((a.RunFolder(run_a) / name).string());
+    const auto two = ReadBasisExr((b.RunFolder(run_b) / name).string());
+    EXPECT_TRUE(one.ok()) << one.status();
+    EXPECT_TRUE(two.ok()) << two.status();
+    if (!one.ok() || !two.ok()) return result;
+    const Image &x = one->image.pixels, &y = two->image.pixels;
+    EXPECT_TRUE(x.SameShape(y)) << name;
+    if (!x.SameShape(y)) return result;
+    ++result.images;
+    const auto [least, most] = std::minmax_element(x.pixels().begin(), x.pixels().end());
+    if (*most > *least) ++lit;
+    for (size_t i = 0; i < x.pixels().size(); ++i) {
+      const double p = x.pixels()[i], q = y.pixels()[i];
+      const double step = 1 / ((1 << bits) - 1.0) / exposure_s + std::max(p, q) / 1024;
+      if (std::abs(p - q) / step <= result.worst) continue;
+      result.worst = std::abs(p - q) / step;
+      result.where = std::string(name) + ", value " + std::to_string(i) + ": " + std::to_string(p) +
+                     " and " + std::to_string(q);
+    }
+  }
+  // Pictures that show nothing would be equal whatever the wires did.
+  EXPECT_GT(lit, shots * 3 / 4);
+  return result;
+}
+
+std::string WithTable(const std::string& rig, const std::string& name, const std::string& text) {
+  const std::string head = "[" + name + "]\n";
+  const size_t begin = rig.find(head);
+  EXPECT_NE(begin, std::string::npos) << "the rig has no " << head;
+  if (begin == std::string::npos) return rig;
+  const size_t end = rig.find("\n[", begin);
+  return rig.substr(0, begin) + head + text +
+         (end == std::string::npos ? std::string() : rig.substr(end));
+}
+
+}  // namespace lightstage
