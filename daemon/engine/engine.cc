@@ -12,7 +12,7 @@ namespace {
 // How long the light of the next shot may be on while the store has no room for the last one.
 constexpr std::chrono::seconds kPatience(5);
 
-// How far a reported position may be from the commanded one when the exposure begins. A move confirms within the axis' tolerance; an
+// How far a reported position may be from the commanded one when the exposure begins and ends. A move confirms within the axis' tolerance; an
 // axis that has since been pushed has not.
 absl::Status CheckHeld(const Axis* axis, AxisId id, Angle commanded, Angle reported) {
   if (!axis) return absl::OkStatus();
@@ -235,19 +235,28 @@ absl::Status Engine::Take(const Attempt& attempt, ShotSink& sink) {
 absl::Status Engine::Expose(const Attempt& attempt, const std::vector<float>& lamp_levels,
                             uint64_t since) {
   const Shot& shot = attempt.shot;
-  ASSIGN_OR_RETURN(Pose reported, rig_.ReadPose());
-  RETURN_IF_ERROR(CheckHeld(rig_.axis(AxisId::kTurntable), AxisId::kTurntable, shot.pose.azimuth,
-                            reported.azimuth));
-  RETURN_IF_ERROR(
-      CheckHeld(rig_.axis(AxisId::kTilt), AxisId::kTilt, shot.pose.tilt, reported.tilt));
+  ASSIGN_OR_RETURN(const Pose reported, ReadHeldPose(shot));
   in_flight_.emplace(
       InFlight{attempt, reported, rig_.WallNow(), Bracket(rig_, shot.exposures, since)});
   // The record says what the lamps really did.
   for (LampLevel& lamp : in_flight_->attempt.shot.condition.lamps)
     lamp.level = lamp_levels[lamp.lamp];
   absl::Status exposed = in_flight_->bracket.Expose();
-  if (!exposed.ok()) in_flight_.reset();
+  if (exposed.ok()) exposed = ReadHeldPose(shot).status();
+  if (!exposed.ok()) {
+    rig_.SuspectCamera();  // its last frame may be still on its way
+    in_flight_.reset();
+  }
   return exposed;
+}
+
+absl::StatusOr<Pose> Engine::ReadHeldPose(const Shot& shot) {
+  ASSIGN_OR_RETURN(const Pose reported, rig_.ReadPose());
+  RETURN_IF_ERROR(CheckHeld(rig_.axis(AxisId::kTurntable), AxisId::kTurntable, shot.pose.azimuth,
+                            reported.azimuth));
+  RETURN_IF_ERROR(
+      CheckHeld(rig_.axis(AxisId::kTilt), AxisId::kTilt, shot.pose.tilt, reported.tilt));
+  return reported;
 }
 
 void Engine::Collect(ShotSink& sink, absl::FunctionRef<void()> stalled) {

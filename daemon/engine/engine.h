@@ -95,6 +95,8 @@ class Engine {
   // `lamp_levels` as confirmed; `since`: Bracket's.
   absl::Status Expose(const Attempt& attempt, const std::vector<float>& lamp_levels,
                       uint64_t since);
+  // The pose the axes report; ABORTED / POSE_NOT_HELD if it is not the shot's.
+  absl::StatusOr<Pose> ReadHeldPose(const Shot& shot);
   // Puts the shot in flight, if there is one, into the sink; `stalled` is called if that takes long.
   void Collect(ShotSink& sink, absl::FunctionRef<void()> stalled);
   // Collects, goes dark, and waits until everything captured so far is stored or to be taken again.

@@ -125,12 +125,19 @@ class SlowLamps final : public Lamps {
     lit = false;
     std::move(done)(LampsState{std::vector<float>(40, 0.0f)});
   }
+  void Check(TimePoint, Completion<std::monostate> done) override {
+    if (lost_in_exposure > 0 && --lost_in_exposure == 0) {
+      return std::move(done)(Error(absl::StatusCode::kUnavailable, "DEVICE_LOST", "went away"));
+    }
+    std::move(done)(std::monostate());
+  }
   absl::Status SetTimeToDark(Duration) override { return absl::OkStatus(); }
   absl::Status Refresh() override { return absl::OkStatus(); }
 
   void SetSteps(int n) { info_.steps = steps = n; }
   std::atomic<bool> lit{false};
-  int dead = -1;  // this lamp never shines
+  int dead = -1;             // this lamp never shines
+  int lost_in_exposure = 0;  // they go away in this one; 0: never
   int steps = 0;
 
  private:
@@ -165,6 +172,7 @@ class SlowAxis final : public Axis {
     std::move(done)(state_);
   }
   Angle nudge;
+  void Shift(Angle by) { state_.position = state_.position + by; }
 
  private:
   Clock& clock_;
@@ -504,6 +512,27 @@ TEST_F(EngineTest, AShotDarkenedWithoutStopIsTakenAgain) {
   auto taken = ids();
   std::sort(taken.begin(), taken.end());
   EXPECT_THAT(taken, ElementsAre(0, 1, 2, 3, 4));
+}
+
+TEST_F(EngineTest, AShotWhoseLampsWentAwayInTheExposureIsTakenAgain) {
+  Open();
+  lamps_->lost_in_exposure = 3;
+  Start(Shots(5));
+  ASSERT_EQ(Join(), RunState::kSucceeded);
+  EXPECT_EQ(engine_->progress().retakes, 1u);
+  EXPECT_THAT(ids(), testing::UnorderedElementsAre(0, 1, 2, 3, 4));
+  EXPECT_THAT(attempts_, testing::UnorderedElementsAre(1, 1, 2, 1, 1));
+}
+
+TEST_F(EngineTest, AShotWhoseAxisMovedInTheExposureIsTakenAgain) {
+  Open();
+  camera_->on_trigger = [this](int number) {
+    if (number == 3) table_->Shift(Degrees(1));
+  };
+  Start(Shots(5));
+  ASSERT_EQ(Join(), RunState::kSucceeded) << "it is moved back";
+  EXPECT_EQ(engine_->progress().retakes, 1u);
+  EXPECT_THAT(attempts_, testing::UnorderedElementsAre(1, 1, 2, 1, 1));
 }
 
 TEST_F(EngineTest, ALampThatConfirmsAnotherLevelIsNotExposed) {

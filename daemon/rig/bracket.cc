@@ -27,9 +27,10 @@ absl::Status Bracket::Expose() {
                       absl::StrFormat("camera: exposure of %g us", Seconds(exposure) * 1e6));
     }
   }
-  absl::Status undisturbed = rig_.CheckUndisturbed(since_);
-  if (!undisturbed.ok()) rig_.SuspectCamera();  // its last frame is still on its way
-  return undisturbed;
+  absl::Status as_told = rig_.CheckLight();
+  if (as_told.ok()) as_told = rig_.CheckUndisturbed(since_);
+  if (!as_told.ok()) rig_.SuspectCamera();  // its last frame is still on its way
+  return as_told;
 }
 
 absl::Status Bracket::TakeFrame() {

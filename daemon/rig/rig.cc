@@ -263,7 +263,11 @@ absl::Status Rig::Reset() {
     stopping = StopDevicesLocked();  // a stalled axis is still busy with its last move
     since = disturbances_;
   }
-  absl::Status ready = Finish(stopping);
+  absl::Status ready = FinishDark(stopping.darkening);
+  // An axis that does not confirm its stop may have a fault or have been lost: homing is what ends that, and finds it at rest first.
+  if (absl::Status still = FinishStop(stopping.standstill); !still.ok()) {
+    spdlog::warn("rig: reset: {}", MessageOf(still));
+  }
   if (ready.ok()) ready = HomeAll(since, Latch::kResetting);
   MutexLock lock(&gate_);
   resetting_ = false;

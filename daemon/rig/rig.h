@@ -69,6 +69,9 @@ class Rig {
   class Lighting;
   std::unique_ptr<Lighting> StartCondition(const Condition& condition);
 
+  // Asks the lights whether they have all the time been what the last condition confirmed. If not, the next one commands them anew.
+  absl::Status CheckLight();
+
   absl::Status Dark();  // and waits for it; any thread
   absl::Status HomeAll();
   // Moves one axis by hand. Ends early, with everything at rest and dark, once `cancelled` says so.

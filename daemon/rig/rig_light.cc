@@ -138,6 +138,27 @@ absl::Status Rig::Lighting::Wait() {
   return first;
 }
 
+absl::Status Rig::CheckLight() {
+  const TimePoint deadline = clock_.Now() + device_timeout();
+  std::optional<Pending<std::monostate>> lamps, projector;
+  if (lamps_) lamps_->Check(deadline, lamps.emplace(clock_).sink());
+  if (projector_) projector_->Check(deadline, projector.emplace(clock_).sink());
+  const auto wait = [&](std::optional<Pending<std::monostate>>& asked, const char* device) {
+    if (!asked) return absl::OkStatus();
+    return Annotate(
+        asked->Wait(deadline + device_timeout(), "the light after the exposure").status(), device);
+  };
+  absl::Status lit = wait(lamps, "lamps"), shown = wait(projector, "projector");
+  if (lit.ok() && shown.ok()) return lit;
+  MutexLock lock(&state_mutex_);
+  if (!lit.ok()) {
+    lamp_levels_.assign(lamp_levels_.size(), std::nanf(""));
+    lamps_asked_ = lamp_levels_;
+  }
+  if (!shown.ok()) pattern_.grid = -1;
+  return lit.ok() ? shown : lit;
+}
+
 // ---- The lamps' time-to-dark
 
 // From the command on, not from its confirmation: a long move may lie between the two.

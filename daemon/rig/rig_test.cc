@@ -70,9 +70,11 @@ class HomingAxis final : public Axis {
   void Read(TimePoint t, Completion<AxisState> done) override { null_.Read(t, std::move(done)); }
   void Stop(TimePoint t, Completion<AxisState> done) override {
     stopped_at = clock_.Now();
+    if (!stop_error.ok()) return std::move(done)(stop_error);
     null_.Stop(t, std::move(done));
   }
   std::function<void()> on_home;
+  absl::Status stop_error;
   TimePoint stopped_at{};
 
  private:
@@ -196,6 +198,19 @@ TEST_F(RigTest, SilentLampsDoNotDelayTheAxisStop) {
   EXPECT_EQ(axis->stopped_at, asked);
   EXPECT_GT(clock_.Now(), asked);
   lamps->silent = false;
+}
+
+// Until it is homed, an axis whose link was lost confirms no stop.
+TEST_F(RigTest, ResetHomesAnAxisThatCannotBeStopped) {
+  HomingAxis* axis = UseHomingAxis();
+  Open();
+  axis->stop_error = Error(absl::StatusCode::kUnavailable, "DEVICE_LOST", "went away");
+  EXPECT_EQ(ErrorReason(rig_->Stop(Error(absl::StatusCode::kAborted, "STOP_ASKED", "smoke"))),
+            "DEVICE_LOST");
+  bool homed = false;
+  axis->on_home = [&] { homed = true; };
+  EXPECT_TRUE(rig_->Reset().ok());
+  EXPECT_TRUE(homed);
 }
 
 TEST_F(RigTest, AHaltDuringResetLeavesItLatched) {

@@ -4,6 +4,10 @@
 
 namespace lightstage {
 
+void Lamps::Check(TimePoint /*deadline*/, Completion<std::monostate> done) {
+  std::move(done)(std::monostate());
+}
+
 absl::Status CheckLevels(const LampsInfo& info, const std::vector<float>& levels) {
   if (static_cast<int>(levels.size()) != info.count) {
     return Error(absl::StatusCode::kInvalidArgument, "LAMP_LEVEL",

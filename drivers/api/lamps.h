@@ -1,6 +1,7 @@
 // The lamps of a brace, as one device with one level per lamp.
 #pragma once
 
+#include <variant>
 #include <vector>
 
 #include "drivers/api/device.h"
@@ -34,6 +35,10 @@ class Lamps {
 
   // Any thread. All lamps off; a Set in progress completes with CANCELLED first.
   virtual void Dark(TimePoint deadline, Completion<LampsState> done) = 0;
+
+  // Says OK if the device has all the time since the last Set or Dark been what that confirmed, as far as it can tell when it is asked
+  // anew; else what is not. For after an exposure. Does not disturb it. The default is for devices that cannot change unnoticed.
+  virtual void Check(TimePoint deadline, Completion<std::monostate> done);
 
   // The device goes dark by itself `time` after the last Set or Refresh (0: never), so that a dead daemon leaves no light on.
   // OUT_OF_RANGE / TIME_TO_DARK above max_time_to_dark.

@@ -1,6 +1,8 @@
 // A projector that shows one pattern at a time.
 #pragma once
 
+#include <variant>
+
 #include "drivers/api/device.h"
 #include "optics/pattern.h"
 
@@ -28,6 +30,9 @@ class Projector {
 
   // Any thread. As dark as it can be; a Show in progress completes with CANCELLED first.
   virtual void Black(TimePoint deadline, Completion<ProjectorState> done) = 0;
+
+  // As Lamps::Check(), since the last Show or Black.
+  virtual void Check(TimePoint deadline, Completion<std::monostate> done);
 };
 
 }  // namespace lightstage

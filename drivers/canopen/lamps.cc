@@ -156,14 +156,17 @@ absl::Status CanopenLampsLink::WriteOutput(Output& output, int value) {
   output.value.reset();
   const ObjectAddress object{digital() ? kDigitalOutputs : kAnalogueOutputs, output.sub};
   RETURN_IF_ERROR(node_.WriteInteger(object, value, digital() ? 1 : 2));
-  ASSIGN_OR_RETURN(const uint32_t is, node_.ReadUnsigned(object));
-  if (is != static_cast<uint32_t>(value)) {
-    return node_.Fault(
-        absl::StatusCode::kFailedPrecondition, "LAMP_NOT_CONFIRMED",
-        absl::StrFormat("was told %Xh for %s and says %Xh", value, ObjectText(object), is));
-  }
+  RETURN_IF_ERROR(Confirm(object, value));
   output.value = value;
   return absl::OkStatus();
+}
+
+absl::Status CanopenLampsLink::Confirm(const ObjectAddress& object, int value) {
+  ASSIGN_OR_RETURN(const uint32_t is, node_.ReadUnsigned(object));
+  if (is == static_cast<uint32_t>(value)) return absl::OkStatus();
+  return node_.Fault(
+      absl::StatusCode::kFailedPrecondition, "LAMP_NOT_CONFIRMED",
+      absl::StrFormat("was told %Xh for %s and says %Xh", value, ObjectText(object), is));
 }
 
 absl::Status CanopenLampsLink::WriteAll(const std::vector<int>& values) {
@@ -191,13 +194,24 @@ absl::StatusOr<std::vector<float>> CanopenLampsLink::Set(const std::vector<float
     RETURN_IF_ERROR(Start());
   }
   RETURN_IF_ERROR(WriteAll(ValuesOf(levels)));
-  RETURN_IF_ERROR(node_.Check());
-  if (may_be_dark_ || node_.nmt_state() != NmtState::kOperational) {
-    RETURN_IF_ERROR(node_.Check());  // it may have booted since
-    return node_.Fault(absl::StatusCode::kFailedPrecondition, "LAMP_NOT_CONFIRMED",
-                       "may have gone dark by itself while it was told its outputs");
-  }
+  RETURN_IF_ERROR(CheckLit());
   return LevelsOf();
+}
+
+absl::Status CanopenLampsLink::Check() {
+  for (const Output& output : outputs_) {
+    RETURN_IF_ERROR(
+        Confirm({digital() ? kDigitalOutputs : kAnalogueOutputs, output.sub}, *output.value));
+  }
+  return CheckLit();
+}
+
+absl::Status CanopenLampsLink::CheckLit() {
+  RETURN_IF_ERROR(node_.Check());
+  if (!may_be_dark_ && node_.nmt_state() == NmtState::kOperational) return absl::OkStatus();
+  RETURN_IF_ERROR(node_.Check());  // it may have booted since
+  return node_.Fault(absl::StatusCode::kFailedPrecondition, "LAMP_NOT_CONFIRMED",
+                     "may have gone dark by itself");
 }
 
 absl::Status CanopenLampsLink::Start() {

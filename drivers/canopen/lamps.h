@@ -24,6 +24,7 @@ class CanopenLampsLink final : public LampsLink {
   absl::Status Connect() override;
   LampsInfo info() const override;
   absl::StatusOr<std::vector<float>> Set(const std::vector<float>& levels) override;
+  absl::Status Check() override;
   absl::Status SetTimeToDark(Duration time) override;
   absl::Status Refresh() override;
 
@@ -41,6 +42,8 @@ class CanopenLampsLink final : public LampsLink {
   absl::Status SetErrorMode();
   absl::Status WriteAll(const std::vector<int>& values);
   absl::Status WriteOutput(Output& output, int value);
+  absl::Status Confirm(const ObjectAddress& object, int value);
+  absl::Status CheckLit();
   absl::Status Say();
   absl::Status Start();
   absl::Status WriteTimeToDark();

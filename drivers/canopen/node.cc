@@ -40,7 +40,7 @@ absl::Status Node::Attach() {
     return Annotate(connected, device_);
   }
   MutexLock lock(&mutex_);
-  attached_ = clock().Now();
+  told_ = kNever;
   lost_ = absl::OkStatus();
   watch_ = Duration::zero();
   nmt_state_.reset();
@@ -218,6 +218,10 @@ absl::Status Node::Transfer(ObjectAddress object, std::span<const uint8_t> value
 
 absl::Status Node::Write(ObjectAddress object, std::span<const uint8_t> value) {
   RETURN_IF_ERROR(Begin());
+  {
+    MutexLock lock(&mutex_);
+    told_ = std::min(told_, clock().Now());
+  }
   absl::Status written = Transfer(object, value);
   if (ErrorReason(written) != "DEVICE_SILENT") return written;
   return Abandon(object, kAbortTimeout, written);
@@ -397,8 +401,8 @@ void Node::OnFrame(const CanFrame& frame, TimePoint time) {
       break;
     case kHeartbeat:
       if (const std::optional<NmtState> state = DecodeHeartbeat(frame.bytes())) {
-        // One that was on its way already tells of what is forgiven.
-        if (*state == NmtState::kBootUp && time >= attached_)
+        // One that boots before it was told anything has forgotten nothing.
+        if (*state == NmtState::kBootUp && time >= told_)
           LoseLocked("booted: it was switched on or reset");
         if (watch_ > Duration::zero() && time - last_heartbeat_ > watch_) {
           LoseLocked(absl::StrFormat("was not heard for %g ms, more than %g ms",

@@ -1,7 +1,7 @@
 // A node of the bus as its master sees it: its object dictionary, and what it says by itself – heartbeat, boot-up, emergencies,
 // TPDO 1. Calls that talk to it block, come from one thread, and wait at most `answer_time` for each frame of an answer.
 //
-// Errors: UNAVAILABLE / DEVICE_LOST, kept until Attach(): the bus failed, the node booted, or its heartbeat stayed away.
+// Errors: UNAVAILABLE / DEVICE_LOST, kept until Attach(): the bus failed, the node booted after it was written to, or its heartbeat stayed away.
 // DEADLINE_EXCEEDED / DEVICE_SILENT: no answer. NOT_FOUND / OBJECT_MISSING and FAILED_PRECONDITION / SDO_ABORTED: what it refused, and
 // why. INTERNAL / BAD_ANSWER: an answer that is none. All name device, node and object, and an emergency that is in force.
 #pragma once
@@ -110,7 +110,8 @@ class Node final : public NodeListener {
 
   mutable Mutex mutex_;
   mutable CondVar changed_;
-  TimePoint attached_ ABSL_GUARDED_BY(mutex_){};
+  TimePoint told_
+      ABSL_GUARDED_BY(mutex_){};  // when it was first written to since Attach(); kNever: not yet
   mutable absl::Status lost_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::pair<CanFrame, uint64_t>> answers_ ABSL_GUARDED_BY(mutex_);
   uint64_t heard_ ABSL_GUARDED_BY(mutex_) = 0;      // frames of this node so far

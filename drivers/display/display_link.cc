@@ -59,4 +59,10 @@ absl::Status DisplayLink::Show(const Pattern& pattern) {
   return Named(shown);
 }
 
+absl::Status DisplayLink::Check() {
+  absl::Status same = screen_->Check();
+  if (!same.ok() && ErrorReason(same) != "DEVICE_FAULT") screen_.reset();
+  return Named(same);
+}
+
 }  // namespace lightstage

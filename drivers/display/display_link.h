@@ -17,6 +17,7 @@ class DisplayLink final : public ProjectorLink {
   ProjectorInfo info() const override;
   // Its errors are Screen::Show()'s.
   absl::Status Show(const Pattern& pattern) override;
+  absl::Status Check() override;
 
  private:
   absl::Status Named(const absl::Status& status) const;

@@ -251,19 +251,22 @@ absl::Status Screen::Show(std::span<const uint8_t> raster, int channels) {
     const uint32_t r = p[0], g = p[channels == 3 ? 1 : 0], b = p[channels == 3 ? 2 : 0];
     pixels[i] = r << 16 | g << 8 | b;
   }
-  absl::Status shown = ShowMemory();
-  if (!shown.ok() && ErrorReason(shown) != "DEVICE_FAULT") child_.reset();
-  return shown;
+  return Ask(kShowRequest);
 }
 
-absl::Status Screen::ShowMemory() {
-  RETURN_IF_ERROR(child_->Ask(kShowRequest));
-  absl::Status shown = child_->Reply("the picture", patience_).status();
+absl::Status Screen::Check() { return Ask(kCheckRequest); }
+
+absl::Status Screen::Ask(char request) {
+  if (child_ == nullptr)
+    return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST", "it is closed");
+  absl::Status answered = child_->Ask(request);
+  if (answered.ok()) answered = child_->Reply("the picture", patience_).status();
   // A process that ends of itself while it is wanted has lost its display too.
-  if (ErrorReason(shown) == "SCREEN_CLOSED") {
-    return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST", MessageOf(shown));
+  if (ErrorReason(answered) == "SCREEN_CLOSED") {
+    answered = Error(absl::StatusCode::kUnavailable, "DEVICE_LOST", MessageOf(answered));
   }
-  return shown;
+  if (!answered.ok() && ErrorReason(answered) != "DEVICE_FAULT") child_.reset();
+  return answered;
 }
 
 }  // namespace lightstage

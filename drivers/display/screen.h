@@ -50,11 +50,13 @@ class Screen {
   // FAILED_PRECONDITION / DISPLAY_CHANGED naming both modes; FAILED_PRECONDITION / DEVICE_FAULT if something else is on the screen; DEADLINE_EXCEEDED /
   // DEVICE_SILENT if the server does not answer. After an error other than DEVICE_FAULT it is closed and good for nothing but the destructor.
   absl::Status Show(std::span<const uint8_t> raster, int channels);
+  // OK if the output and the window have been there all the time since, in their mode. Errors as Show()'s.
+  absl::Status Check();
 
  private:
   class Child;
   Screen(std::unique_ptr<Child> child, int width, int height, Duration patience);
-  absl::Status ShowMemory();
+  absl::Status Ask(char request);
 
   std::unique_ptr<Child> child_;  // nothing: closed
   const int width_, height_;

@@ -72,7 +72,9 @@ int Show(const OutputOptions& options) {
     }
     char request = 0;
     if (recv(kScreenSocket, &request, 1, 0) != 1) break;
-    absl::Status shown = idle.ok() ? (*output)->Show(pixels) : idle;
+    absl::Status shown = idle;
+    if (shown.ok()) shown = request == kCheckRequest ? (*output)->Idle() : (*output)->Show(pixels);
+    if (request == kCheckRequest) idle = shown;
     if (!Say(shown.ok() ? absl::StatusOr<ScreenInfo>((*output)->info()) : shown)) break;
   }
   if (absl::Status black = (*output)->Show(std::vector<uint32_t>(count, 0));

@@ -11,6 +11,8 @@ namespace lightstage {
 
 // The questions, one byte each: show what is in the shared memory.
 inline constexpr char kShowRequest = 'S';
+// … and whether it has been there all the time since.
+inline constexpr char kCheckRequest = 'C';
 
 // The process' end of the socket and the shared memory: width · height pixels of 32 bits, 0x00RRGGBB, top row first.
 inline constexpr int kScreenSocket = 3, kScreenMemory = 4;

@@ -112,6 +112,7 @@ ProjectorInfo Link::info() const {
 absl::Status Link::Show(const Pattern& pattern) {
   const bool black = pattern.arrangement == PatternArrangement::kBlack;
   if (controller_ == nullptr) RETURN_IF_ERROR(Connect());
+  lit_ = !black;
   absl::Status shown = black ? Dark() : options_.flash ? ShowStored(pattern) : ShowVideo(pattern);
   if (shown.ok()) return shown;
   const std::string reason = ErrorReason(shown);
@@ -124,6 +125,17 @@ absl::Status Link::Show(const Pattern& pattern) {
     }
   }
   return Named(shown);
+}
+
+absl::Status Link::Check() {
+  absl::Status same = CheckHealth(lit_);
+  if (same.ok() && screen_ != nullptr) {
+    Pending<std::monostate> checked(clock_);
+    screen_->Check(clock_.Now() + kScreenPatience, checked.sink());
+    same = checked.Wait(kNever, "the video output").status();
+  }
+  if (ErrorReason(same) == "DEVICE_LOST") controller_.reset();
+  return Named(same);
 }
 
 absl::Status Link::CheckHealth(bool light) {

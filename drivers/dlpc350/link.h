@@ -23,6 +23,7 @@ class Link final : public ProjectorLink {
   // DEVICE_FAULT also if the mirrors are parked, the sequencer stands, or an error flag is up; FAILED_PRECONDITION / PATTERN_NOT_STORED if the
   // flash has no such pattern. After an error the LEDs are off, unless the device is lost or silent.
   absl::Status Show(const Pattern& pattern) override;
+  absl::Status Check() override;
 
  private:
   absl::Status Configure();
@@ -44,6 +45,7 @@ class Link final : public ProjectorLink {
   std::unique_ptr<Controller> controller_;  // nothing: not connected
   std::string serial_, version_;
   bool connected_once_ = false;
+  bool lit_ = false;  // told to show light
 };
 
 }  // namespace lightstage::dlpc350

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "base/toml.h"
 #include "base/utf8.h"
 
 namespace lightstage::dmx {
@@ -14,17 +15,6 @@ bool Contains(std::string text, std::string_view part) {
   std::transform(text.begin(), text.end(), text.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return text.find(part) != std::string::npos;
-}
-
-// As a TOML string; what the device says may hold anything.
-std::string Quoted(const std::string& text) {
-  std::string quoted = "\"";
-  for (char c : CleanUtf8(text)) {
-    if (c == '"' || c == '\\') quoted += '\\';
-    const bool control = (static_cast<unsigned char>(c) < 0x20) || c == 0x7F;
-    quoted += control ? '?' : c;
-  }
-  return quoted + '"';
 }
 
 }  // namespace
@@ -54,13 +44,12 @@ std::vector<Discovered> Describe(const std::vector<UsbIdentity>& devices) {
           : kind.has_value()       ? "an Open DMX, or any serial cable with this chip"
                                    : "an FTDI serial converter, perhaps no DMX widget");
     }
-    absl::StrAppend(&entry.toml, "[lamps]\ndriver = \"dmx\"\n[lamps.options]\n",
-                    kind.has_value() ? "" : "# ",
+    absl::StrAppend(&entry.toml, "[lamps]\ndriver = \"dmx\"\n", kind.has_value() ? "" : "# ",
                     "widget = ", kind == WidgetKind::kPro ? "\"pro\"" : "\"open\"", "\n");
     if (device.serial.empty()) {
-      absl::StrAppend(&entry.toml, "address = ", Quoted(device.address), "\n");
+      absl::StrAppend(&entry.toml, "address = ", TomlQuoted(CleanUtf8(device.address)), "\n");
     } else {
-      absl::StrAppend(&entry.toml, "serial = ", Quoted(device.serial), "\n");
+      absl::StrAppend(&entry.toml, "serial = ", TomlQuoted(CleanUtf8(device.serial)), "\n");
     }
     absl::StrAppend(&entry.toml,
                     "# first_channel = 1\n# lamp_count = 8\n# bits = 8\n# settle_ms = 40\n");

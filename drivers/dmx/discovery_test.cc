@@ -31,7 +31,7 @@ TEST(DmxDiscovery, ProposesATableThatCanBeRead) {
     absl::StatusOr<TomlDocument> document = TomlDocument::Parse(toml, "rig.toml");
     ASSERT_TRUE(document.ok()) << document.status() << "\n" << toml;
     document->root().Table("lamps").String("driver");
-    const DmxOptions options = ParseDmxOptions(document->root().Table("lamps").Table("options"));
+    const DmxOptions options = ParseDmxOptions(document->root().Table("lamps"));
     EXPECT_TRUE(document->Finish().ok()) << document->Finish() << "\n" << toml;
     EXPECT_EQ(options.channels.first.size(), 8u);
   }

@@ -73,12 +73,10 @@ class DmxLink final : public LampsLink {
     return Quantised(options_.channels, levels);
   }
 
-  absl::Status Refresh() override {
-    if (widget_ == nullptr) {
-      return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
-                   "the widget was lost; the next Set or Dark connects anew");
-    }
-    return widget_->Check();  // kept until an operation has told it
+  absl::Status Check() override {
+    absl::Status sending = widget_->Check();
+    if (!sending.ok()) widget_.reset();
+    return sending;
   }
 
  private:

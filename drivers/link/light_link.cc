@@ -28,7 +28,7 @@ class Light {
       info->identity.name = thread_.name();
       info->identity.driver = driver;
       settle_ = info->settle;
-      connected_ = true;
+      connected_ = confirmed_ = true;
       return absl::OkStatus();
     });
   }
@@ -73,6 +73,20 @@ class Light {
     });
   }
 
+  // LIGHT_UNKNOWN unless the link has confirmed what it was told last.
+  void Check(TimePoint deadline, Completion<std::monostate> done) {
+    auto operation = thread_.Start(std::move(done), deadline, "saying whether it shines as told");
+    thread_.Post([this, operation] {
+      absl::Status as_told = AsTold();
+      confirmed_ = as_told.ok();
+      if (as_told.ok()) {
+        operation->Complete(std::monostate());
+      } else {
+        operation->Fail(as_told);
+      }
+    });
+  }
+
   // `apply` makes it dark. Before what it uses is gone. What was never connected is not touched.
   void Close(Apply apply) {
     thread_.Post([this, apply = std::move(apply)]() mutable {
@@ -84,10 +98,23 @@ class Light {
     thread_.Close();
   }
 
+  // Notes the loss, if it is one.
+  absl::Status Noted(absl::Status status) {
+    if (ErrorReason(status) == "DEVICE_LOST") lost_ = true;
+    return status;
+  }
+
   DeviceThread& thread() { return thread_; }
   Link& link() { return *link_; }  // on the device's thread
 
  private:
+  absl::Status AsTold() {
+    if (confirmed_) return Noted(link_->Check());
+    return Error(absl::StatusCode::kFailedPrecondition, "LIGHT_UNKNOWN",
+                 absl::StrCat(thread_.name(), ": has not confirmed what it was told last"),
+                 {{"device", thread_.name()}});
+  }
+
   // `applied` is called on the device's thread, once, when the link has done its part.
   void Run(std::shared_ptr<Operation<State>> operation, Apply apply,
            absl::AnyInvocable<void()> applied) {
@@ -115,7 +142,7 @@ class Light {
       spdlog::info("{}: connected anew", thread_.name());
     }
     absl::StatusOr<State> state = apply();
-    if (ErrorReason(state.status()) == "DEVICE_LOST") lost_ = true;
+    confirmed_ = Noted(state.status()).ok();
     return state;
   }
 
@@ -124,6 +151,7 @@ class Light {
   Duration settle_{};  // the device's thread only, like this
   bool lost_ = false;
   bool connected_ = false;  // ever
+  bool confirmed_ = false;  // what it was told last
 
   Mutex mutex_;
   int interrupting_ ABSL_GUARDED_BY(mutex_) = 0;
@@ -150,6 +178,10 @@ class LinkedLamps final : public Lamps {
     light_.Interrupt("darkening the lamps", deadline, std::move(done), Setting(AllDark()));
   }
 
+  void Check(TimePoint deadline, Completion<std::monostate> done) override {
+    light_.Check(deadline, std::move(done));
+  }
+
   absl::Status SetTimeToDark(Duration time) override {
     if (time < Duration::zero() || time > info_.max_time_to_dark) {
       return Error(absl::StatusCode::kOutOfRange, "TIME_TO_DARK",
@@ -166,7 +198,7 @@ class LinkedLamps final : public Lamps {
     if (!refreshing_) {
       refreshing_ = true;
       light_.thread().Post([this] {
-        absl::Status refreshed = light_.link().Refresh();
+        absl::Status refreshed = light_.Noted(light_.link().Refresh());
         MutexLock inner(&mutex_);
         refreshing_ = false;
         refreshed_ = std::move(refreshed);
@@ -205,6 +237,9 @@ class LinkedProjector final : public Projector {
   }
   void Black(TimePoint deadline, Completion<ProjectorState> done) override {
     light_.Interrupt("going black", deadline, std::move(done), Showing(Pattern{}));
+  }
+  void Check(TimePoint deadline, Completion<std::monostate> done) override {
+    light_.Check(deadline, std::move(done));
   }
 
  private:

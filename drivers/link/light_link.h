@@ -27,6 +27,8 @@ class LampsLink {
 
   // Sets every lamp and says what the device took, as it confirmed it. `levels` are checked.
   virtual absl::StatusOr<std::vector<float>> Set(const std::vector<float>& levels) = 0;
+  // As Lamps' own; asked only if the last Connect or Set succeeded.
+  virtual absl::Status Check() = 0;
   // As Lamps' own; `time` is checked. What has none: nothing to do.
   virtual absl::Status SetTimeToDark(Duration /*time*/) { return absl::OkStatus(); }
   virtual absl::Status Refresh() { return absl::OkStatus(); }
@@ -42,6 +44,8 @@ class ProjectorLink {
 
   // Returns when the device has confirmed that `pattern`, which is valid, is shown.
   virtual absl::Status Show(const Pattern& pattern) = 0;
+  // As Projector's own; asked only if the last Connect or Show succeeded.
+  virtual absl::Status Check() = 0;
 };
 
 // The device over `link`, connected. After DEVICE_LOST, Set, Dark, Show and Black connect anew first. What the contract calls settle passes

@@ -222,6 +222,7 @@ struct Lights {
   TimePoint dark_at = kNever;
   int connects = 0;
   absl::Status next;  // what the next Set fails with
+  absl::Status check;
 
   void RestartLocked() {
     dark_at = time_to_dark == Duration::zero() ? kNever : clock.Now() + time_to_dark;
@@ -253,6 +254,10 @@ class LightsLink final : public LampsLink {
     for (size_t i = 0; i < levels.size(); ++i) lights_.on[i] = std::round(levels[i] * 255) / 255;
     lights_.RestartLocked();
     return lights_.on;
+  }
+  absl::Status Check() override {
+    MutexLock lock(&lights_.mutex);
+    return lights_.check;
   }
   absl::Status SetTimeToDark(Duration time) override {
     MutexLock lock(&lights_.mutex);
@@ -308,6 +313,34 @@ TEST(LinkedLamps, ComeBackAfterALoss) {
   EXPECT_EQ(over.lights.connects, 2);
 }
 
+TEST(LinkedLamps, CheckSaysWhatTheLinkSaysAndNothingOfWhatWasNotConfirmed) {
+  LampsOverLights over;
+  auto lamps = *over.Open();
+  auto check = [&] {
+    Pending<std::monostate> done(over.clock());
+    lamps->Check(over.clock().Now() + seconds(20), done.sink());
+    return done.Wait(kNever, "Check").status();
+  };
+  auto set = [&] {
+    Pending<LampsState> done(over.clock());
+    lamps->Set(std::vector<float>(5, 1.0f), over.clock().Now() + seconds(20), done.sink());
+    return done.Wait(kNever, "Set").status();
+  };
+  EXPECT_TRUE(check().ok()) << "dark, as it was opened";
+  ASSERT_TRUE(set().ok());
+  EXPECT_TRUE(check().ok());
+  over.lights.check = Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST");
+  EXPECT_EQ(ErrorReason(check()), "DEVICE_LOST");
+  over.lights.check = absl::OkStatus();
+  EXPECT_EQ(ErrorReason(check()), "LIGHT_UNKNOWN") << "until it is told anew";
+  ASSERT_TRUE(set().ok());
+  EXPECT_EQ(over.lights.connects, 2);
+  EXPECT_TRUE(check().ok());
+  over.lights.next = Fault(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT");
+  EXPECT_EQ(ErrorReason(set()), "DEVICE_SILENT");
+  EXPECT_EQ(ErrorReason(check()), "LIGHT_UNKNOWN");
+}
+
 struct Wall {
   RealClock clock;
   Mutex mutex;
@@ -331,6 +364,7 @@ class WallLink final : public ProjectorLink {
     wall_.shown = pattern;
     return absl::OkStatus();
   }
+  absl::Status Check() override { return absl::OkStatus(); }
 
  private:
   Wall& wall_;

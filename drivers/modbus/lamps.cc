@@ -66,11 +66,19 @@ class ModbusLampsLink final : public LampsLink {
     }
     RETURN_IF_ERROR(Refresh());
     known_ = true;
+    levels_ = wanted;
     std::vector<float> taken(wanted.size());
     for (size_t i = 0; i < wanted.size(); ++i) {
       taken[i] = static_cast<float>(wanted[i]) / static_cast<float>(o_.full);
     }
     return taken;
+  }
+
+  absl::Status Check() override {
+    for (Board& board : boards_) {
+      for (const LampRun& run : board.runs) RETURN_IF_ERROR(ConfirmRun(board, run, levels_));
+    }
+    return absl::OkStatus();
   }
 
   absl::Status SetTimeToDark(Duration time) override {
@@ -195,8 +203,9 @@ class ModbusLampsLink final : public LampsLink {
   const std::string name_;
   Clock& clock_;
   std::vector<Board> boards_;
-  bool known_ = false;  // the last Set was confirmed
-  int watchdog_ = 0;    // register value; 0: never dark by itself
+  std::vector<int> levels_;  // as confirmed last
+  bool known_ = false;       // the last Set was confirmed
+  int watchdog_ = 0;         // register value; 0: never dark by itself
 };
 
 }  // namespace

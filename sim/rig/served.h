@@ -86,6 +86,9 @@ class ServedLamps final : public ServedDevice<Lamps, LampsInfo> {
   void Dark(TimePoint deadline, Completion<LampsState> done) override {
     device().Dark(deadline, std::move(done));
   }
+  void Check(TimePoint deadline, Completion<std::monostate> done) override {
+    device().Check(deadline, std::move(done));
+  }
   absl::Status SetTimeToDark(Duration time) override { return device().SetTimeToDark(time); }
   absl::Status Refresh() override { return device().Refresh(); }
 };
@@ -98,6 +101,9 @@ class ServedProjector final : public ServedDevice<Projector, ProjectorInfo> {
   }
   void Black(TimePoint deadline, Completion<ProjectorState> done) override {
     device().Black(deadline, std::move(done));
+  }
+  void Check(TimePoint deadline, Completion<std::monostate> done) override {
+    device().Check(deadline, std::move(done));
   }
 };
 

@@ -1,23 +1,62 @@
 #include "sim/peers/canopen/drivers.h"
 
+#include <cmath>
 #include <utility>
 
 #include "base/status.h"
-#include "drivers/canopen/driver.h"
+#include "drivers/canopen/memory_bus.h"
+#include "drivers/canopen/open.h"
 #include "drivers/canopen/options.h"
 #include "drivers/canopen/socket_can.h"
 #include "drivers/link/device_thread.h"
 #include "sim/peers/canopen/drive.h"
 #include "sim/peers/canopen/output_module.h"
+#include "sim/rig/fault_plan.h"
 #include "sim/rig/served.h"
+#include "sim/rig/wire.h"
 
 namespace lightstage::sim {
 namespace {
 
+using std::chrono::milliseconds;
+
 constexpr char kName[] = "sim-canopen";
 
-std::string PeerInterface(const TomlTable& table, const canopen::NodeOptions& node) {
-  return table.Table("peer").String("interface", node.interface);
+struct WireOptions {
+  bool kernel = true;
+  std::string interface, peer_interface;
+};
+
+WireOptions ParseWire(const TomlTable& peer, const canopen::NodeOptions& node) {
+  return {ParseWireIsKernel(peer), node.interface, peer.String("interface", node.interface)};
+}
+
+// The two ends of a wire.
+struct Wire {
+  std::shared_ptr<canopen::MemoryBus> memory;  // shared with the bus; none if it is the kernel's
+  std::unique_ptr<canopen::CanPort> peer;
+  std::shared_ptr<canopen::CanBus> bus;  // shared by the driver's devices on it
+};
+
+absl::StatusOr<Wire> OpenWire(const DeviceContext& context, const WireOptions& options) {
+  RETURN_IF_ERROR(DeviceThread::CheckClock(context));
+  Clock& clock = *context.clock;
+  Wire wire;
+  if (options.kernel) {
+    ASSIGN_OR_RETURN(wire.peer, canopen::OpenSocketCan(options.peer_interface, clock));
+    wire.bus = canopen::CanBus::Shared(
+        options.interface, clock,
+        [name = options.interface, &clock] { return canopen::OpenSocketCan(name, clock); });
+    return wire;
+  }
+  wire.memory = std::make_shared<canopen::MemoryBus>(clock);
+  wire.peer = wire.memory->Attach();
+  wire.bus = std::make_shared<canopen::CanBus>(
+      context.name, clock,
+      [memory = wire.memory]() -> absl::StatusOr<std::unique_ptr<canopen::CanPort>> {
+        return memory->Attach();
+      });
+  return wire;
 }
 
 void Identify(const canopen::NodeOptions& node, PeerIdentity* identity) {
@@ -26,6 +65,32 @@ void Identify(const canopen::NodeOptions& node, PeerIdentity* identity) {
   identity->product = node.product.value_or(identity->product);
   identity->serial = node.serial.value_or(identity->serial);
 }
+
+// What every node may do. What is at fault outlives the plan.
+std::vector<FaultKind> NodeFaults(PeerNode& node, canopen::MemoryBus* memory, Duration heartbeat) {
+  std::vector<FaultKind> kinds = {
+      {"silent", heartbeat * 2, [&node](bool on) { node.SetSilent(on); }},
+      {"answers 20 ms late", milliseconds(500),
+       [&node](bool on) { node.DelayAnswers(milliseconds(on ? 20 : 0)); }},
+      {"power cycle", Duration::zero(), [&node](bool begins) {
+         if (begins) node.Reboot();
+       }}};
+  if (memory == nullptr) return kinds;
+  kinds.push_back({"bus-off", milliseconds(300), [memory](bool on) {
+                     memory->SetState(on ? canopen::CanState::kBusOff : canopen::CanState::kActive);
+                   }});
+  kinds.push_back(
+      {"interface gone", milliseconds(300), [memory](bool on) { memory->SetPresent(!on); }});
+  return kinds;
+}
+
+// A peer with what it needs; the plan goes first.
+template <class Peer>
+struct Served {
+  std::shared_ptr<canopen::MemoryBus> memory;
+  std::unique_ptr<Peer> peer;
+  std::unique_ptr<FaultPlan> faults;
+};
 
 DeviceOpener<Axis> ParseAxis(const std::shared_ptr<Simulation>& simulation,
                              const TomlTable& table) {
@@ -42,16 +107,36 @@ DeviceOpener<Axis> ParseAxis(const std::shared_ptr<Simulation>& simulation,
     table.ErrorAt("acceleration_units_per_turn_s2",
                   "must be units_per_turn where the drive is simulated");
   }
-  return [simulation, drive, interface = PeerInterface(table, axis.node),
-          connect = CanopenAxisDriver().parse(table)](
-             const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Axis>> {
-    RETURN_IF_ERROR(DeviceThread::CheckClock(context));
+  const TomlTable peer = table.Table("peer");
+  return [simulation, axis, drive, wires = ParseWire(peer, axis.node), plan = ParseFaultPlan(peer)](
+             const DeviceContext& context) -> absl::StatusOr<std::unique_ptr<Axis>> {
+    ASSIGN_OR_RETURN(Wire wire, OpenWire(context, wires));
     ASSIGN_OR_RETURN(std::shared_ptr<World> world,
                      simulation->OpenWorld(*context.geometry, *context.clock));
-    ASSIGN_OR_RETURN(auto port, canopen::OpenSocketCan(interface, *context.clock));
-    auto peer = std::make_shared<CanopenDrive>(std::move(port), drive, world);
-    ASSIGN_OR_RETURN(std::unique_ptr<Axis> device, connect(context));
-    return std::make_unique<ServedAxis>(std::move(peer), std::move(device), kName);
+    auto served = std::make_shared<Served<CanopenDrive>>();
+    served->memory = wire.memory;
+    served->peer = std::make_unique<CanopenDrive>(std::move(wire.peer), drive, world);
+    ASSIGN_OR_RETURN(std::unique_ptr<Axis> device,
+                     canopen::OpenAxis(context, kName, axis, std::move(wire.bus)));
+    CanopenDrive& turns = *served->peer;
+    std::vector<FaultKind> kinds =
+        NodeFaults(turns.node(), served->memory.get(), axis.node.heartbeat);
+    kinds.push_back({"drive fault 7500h", Duration::zero(), [&turns](bool begins) {
+                       if (begins) turns.Fail(0x7500);
+                     }});
+    kinds.push_back({"a set-point lost", Duration::zero(), [&turns](bool begins) {
+                       if (begins) turns.LoseSetpoints(1);
+                     }});
+    kinds.push_back({"two set-points lost", Duration::zero(), [&turns](bool begins) {
+                       if (begins) turns.LoseSetpoints(2);
+                     }});
+    kinds.push_back({"power cut at the enable input", Duration::zero(), [&turns](bool begins) {
+                       if (begins) turns.CutPower();
+                     }});
+    kinds.push_back(
+        {"following error", milliseconds(500), [&turns](bool on) { turns.SetFollowingError(on); }});
+    served->faults = std::make_unique<FaultPlan>(context.name, plan, std::move(kinds));
+    return std::make_unique<ServedAxis>(std::move(served), std::move(device), kName);
   };
 }
 
@@ -62,20 +147,34 @@ DeviceOpener<Lamps> ParseLamps(const std::shared_ptr<Simulation>& simulation,
   Identify(lamps.node, &module.identity);
   module.analogue = lamps.output == canopen::LampOutput::kAnalogue;
   module.first_output = lamps.first_output;
-  return [simulation, module, interface = PeerInterface(table, lamps.node),
-          connect = CanopenLampsDriver().parse(table)](
-             const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Lamps>> {
-    RETURN_IF_ERROR(DeviceThread::CheckClock(context));
-    const auto count = static_cast<int>(context.geometry->brace.lamps.size());
-    RETURN_IF_ERROR(CheckLampCount(context, count));
-    module.outputs = (module.first_output + count + 7) / 8 * 8;
-    ASSIGN_OR_RETURN(std::shared_ptr<World> world,
-                     simulation->OpenWorld(*context.geometry, *context.clock));
-    ASSIGN_OR_RETURN(auto port, canopen::OpenSocketCan(interface, *context.clock));
-    auto peer = std::make_shared<CanopenOutputModule>(std::move(port), module, world);
-    ASSIGN_OR_RETURN(std::unique_ptr<Lamps> device, connect(context));
-    return std::make_unique<ServedLamps>(std::move(peer), std::move(device), kName);
-  };
+  const TomlTable peer = table.Table("peer");
+  return
+      [simulation, lamps, module, wires = ParseWire(peer, lamps.node), plan = ParseFaultPlan(peer)](
+          const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Lamps>> {
+        ASSIGN_OR_RETURN(Wire wire, OpenWire(context, wires));
+        const auto count = static_cast<int>(context.geometry->brace.lamps.size());
+        RETURN_IF_ERROR(CheckLampCount(context, count));
+        module.outputs = (module.first_output + count + 7) / 8 * 8;
+        ASSIGN_OR_RETURN(std::shared_ptr<World> world,
+                         simulation->OpenWorld(*context.geometry, *context.clock));
+        auto served = std::make_shared<Served<CanopenOutputModule>>();
+        served->memory = wire.memory;
+        served->peer = std::make_unique<CanopenOutputModule>(std::move(wire.peer), module, world);
+        ASSIGN_OR_RETURN(std::unique_ptr<Lamps> device,
+                         canopen::OpenLamps(context, kName, lamps, std::move(wire.bus)));
+        CanopenOutputModule& outputs = *served->peer;
+        std::vector<FaultKind> kinds =
+            NodeFaults(outputs.node(), served->memory.get(), lamps.node.heartbeat);
+        kinds.push_back({"writes are confirmed and not done", milliseconds(500),
+                         [&outputs](bool on) { outputs.IgnoreWrites(on); }});
+        kinds.push_back({"emergency 2310h", Duration::zero(), [&outputs](bool begins) {
+                           outputs.node().Do([&](ObjectDictionary&) {
+                             outputs.node().Emergency(begins ? 0x2310 : 0, begins ? 3 : 0);
+                           });
+                         }});
+        served->faults = std::make_unique<FaultPlan>(context.name, plan, std::move(kinds));
+        return std::make_unique<ServedLamps>(std::move(served), std::move(device), kName);
+      };
 }
 
 }  // namespace

@@ -96,7 +96,6 @@ TEST_F(CanopenLampsTest, RebootIsNoticedAndTheNextSetConnectsAnew) {
   ASSERT_TRUE(Set(kLit).ok());
   bench_.outputs().node().Reboot();
   EXPECT_TRUE(bench_.Becomes([&] { return ErrorReason(lamps_->Refresh()) == "DEVICE_LOST"; }));
-  EXPECT_EQ(ErrorReason(Set(kOne).status()), "DEVICE_LOST");
   ASSERT_TRUE(Set(kOne).ok());
   EXPECT_EQ(bench_.Light(), kOne);
   EXPECT_EQ(bench_.outputs().node().Value(0x1016, 1), 0x007E1388u) << "set again: 5000 ms";

@@ -3,23 +3,51 @@
 #include <utility>
 
 #include "base/status.h"
-#include "drivers/dlpc350/driver.h"
+#include "drivers/dlpc350/link.h"
 #include "drivers/dlpc350/options.h"
+#include "sim/peers/dlpc350/in_process_port.h"
 #include "sim/peers/dlpc350/uhid_device.h"
+#include "sim/rig/fault_plan.h"
 #include "sim/rig/served.h"
+#include "sim/rig/wire.h"
 
 namespace lightstage::sim {
 namespace {
 
+using std::chrono::milliseconds;
+
 constexpr char kName[] = "sim-dlpc350";
 
 // The controller and its wire.
-struct PluggedProjector {
-  PluggedProjector(std::shared_ptr<World> world, std::map<FlashPlace, Pattern> flash)
+struct Served {
+  Served(std::shared_ptr<World> world, std::map<FlashPlace, Pattern> flash)
       : device(std::move(world), std::move(flash)) {}
   Dlpc350Device device;
-  std::unique_ptr<UhidDevice> usb;
+  std::unique_ptr<UhidDevice> usb;    // on the kernel's wire
+  std::unique_ptr<FaultPlan> faults;  // first to go
 };
+
+std::vector<FaultKind> Faults(Dlpc350Device& device, bool kernel) {
+  const auto fault = [&device](const char* name, Dlpc350Device::Faults faults) {
+    return FaultKind{name, milliseconds(500), [&device, faults](bool on) {
+                       device.SetFaults(on ? faults : Dlpc350Device::Faults());
+                     }};
+  };
+  std::vector<FaultKind> kinds = {fault("refuses to start and stop", {.nack = 0x1A24}),
+                                  fault("takes no LED setting", {.ignored = 0x1A07}),
+                                  fault("short reports", {.short_reports = true}),
+                                  fault("mirrors parked", {.parked = true}),
+                                  fault("sequencer stopped", {.sequencer_stopped = true}),
+                                  fault("silent", {.silent = true}),
+                                  fault("late answers", {.late = true}),
+                                  {"power cycle", Duration::zero(), [&device](bool begins) {
+                                     if (begins) device.PowerCycle(false);
+                                   }}};
+  if (!kernel) {
+    kinds.push_back({"unplugged", milliseconds(500), [&device](bool on) { device.Unplug(on); }});
+  }
+  return kinds;
+}
 
 DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simulation,
                                        const TomlTable& table) {
@@ -35,16 +63,27 @@ DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simula
     if (place.invert) table.ErrorAt("patterns", "invert cannot be simulated");
     flash[{place.image, place.number, place.depth}] = pattern;
   }
-  return [simulation, flash, serial = options.serial, connect = Dlpc350Driver().parse(table)](
-             const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Projector>> {
-    RETURN_IF_ERROR(CheckProjector(context));
-    ASSIGN_OR_RETURN(std::shared_ptr<World> world,
-                     simulation->OpenWorld(*context.geometry, *context.clock));
-    auto peer = std::make_shared<PluggedProjector>(std::move(world), flash);
-    ASSIGN_OR_RETURN(peer->usb, UhidDevice::Plug(peer->device, serial));
-    ASSIGN_OR_RETURN(std::unique_ptr<Projector> device, connect(context));
-    return std::make_unique<ServedProjector>(std::move(peer), std::move(device), kName);
-  };
+  const TomlTable peer = table.Table("peer");
+  return
+      [simulation, flash, options, kernel = ParseWireIsKernel(peer), plan = ParseFaultPlan(peer)](
+          const DeviceContext& context) -> absl::StatusOr<std::unique_ptr<Projector>> {
+        RETURN_IF_ERROR(CheckProjector(context));
+        ASSIGN_OR_RETURN(std::shared_ptr<World> world,
+                         simulation->OpenWorld(*context.geometry, *context.clock));
+        auto served = std::make_shared<Served>(std::move(world), flash);
+        dlpc350::HidOpener open = InProcessHid(served->device, options.serial);
+        if (kernel) {
+          ASSIGN_OR_RETURN(served->usb, UhidDevice::Plug(served->device, options.serial));
+          open = [serial = options.serial] { return dlpc350::OpenHidDevice("", serial); };
+        }
+        ASSIGN_OR_RETURN(std::unique_ptr<Projector> device,
+                         OpenLinkedProjector(context, kName,
+                                             std::make_unique<dlpc350::Link>(
+                                                 context, options, std::move(open), nullptr)));
+        served->faults =
+            std::make_unique<FaultPlan>(context.name, plan, Faults(served->device, kernel));
+        return std::make_unique<ServedProjector>(std::move(served), std::move(device), kName);
+      };
 }
 
 }  // namespace

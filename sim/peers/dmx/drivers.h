@@ -1,6 +1,6 @@
-// The lamps driver "sim-dmx": the simulated rig's lamps, driven by the dmx driver through an Open DMX that this process plugs into the
-// machine's own USB (ftdi_gadget.h). The rig's other devices may be any. Its table is that of driver "dmx" with widget "open" and a `serial`;
-// the lamps hang on the very channels that the table says.
+// The lamps driver "sim-dmx": the simulated rig's lamps, driven by the dmx driver through an Open DMX that this process plugs into the machine's
+// own USB (ftdi_gadget.h), or has within itself. The rig's other devices may be any. Its table is that of driver "dmx" with widget "open" and a
+// `serial`; the lamps hang on the very channels that the table says. [….peer]: sim/rig/wire.h, sim/rig/fault_plan.h.
 #pragma once
 
 #include <memory>

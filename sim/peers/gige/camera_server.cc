@@ -105,6 +105,10 @@ absl::StatusOr<std::unique_ptr<GigeCameraServer>> GigeCameraServer::Start(
   return server;
 }
 
+void GigeCameraServer::LosePackets(double ratio) {
+  g_object_set(camera_, "gvsp-lost-ratio", ratio, nullptr);
+}
+
 GigeCameraServer::~GigeCameraServer() {
   stopping_ = true;
   world_->clock().Notify();

@@ -32,6 +32,9 @@ class GigeCameraServer {
   // The world must be on real time. UNAVAILABLE / PEER_NOT_STARTED if the port is taken or no interface has the address.
   static absl::StatusOr<std::unique_ptr<GigeCameraServer>> Start(const GigeCameraOptions& options,
                                                                  std::shared_ptr<World> world);
+  // This share of the packets of its stream gets lost from now on, 0 to 1. Any thread.
+  void LosePackets(double ratio);
+
   // Waits for the picture being made.
   ~GigeCameraServer();
 

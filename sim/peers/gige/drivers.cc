@@ -1,9 +1,12 @@
 #include "sim/peers/gige/drivers.h"
 
+#include <spdlog/spdlog.h>
+
 #include <utility>
 
 #include "drivers/aravis/driver.h"
 #include "sim/peers/gige/camera_server.h"
+#include "sim/rig/fault_plan.h"
 #include "sim/rig/served.h"
 
 namespace lightstage::sim {
@@ -25,23 +28,52 @@ GigeCameraOptions ParsePeer(const TomlTable& table) {
   return options;
 }
 
+struct Served {
+  std::unique_ptr<GigeCameraServer> server;  // none while it restarts
+  std::unique_ptr<FaultPlan> faults;         // first to go
+};
+
+// `server` outlives what it is for.
+std::vector<FaultKind> FaultsOf(std::unique_ptr<GigeCameraServer>& server,
+                                const GigeCameraOptions& options,
+                                const std::shared_ptr<World>& world) {
+  const auto loses = [&server](const char* name, double ratio) {
+    return FaultKind{name, std::chrono::seconds(1), [&server, ratio](bool on) {
+                       if (server != nullptr) server->LosePackets(on ? ratio : 0);
+                     }};
+  };
+  return {loses("loses 0.1 % of the packets", 0.001),
+          loses("loses 1 % of the packets", 0.01),
+          loses("loses 5 % of the packets", 0.05),
+          {"restarts", std::chrono::milliseconds(500), [&server, options, world](bool begins) {
+             server.reset();
+             if (begins) return;
+             auto started = GigeCameraServer::Start(options, world);
+             if (!started.ok()) return spdlog::error("{}", MessageOf(started.status()));
+             server = *std::move(started);
+           }}};
+}
+
 }  // namespace
 
 void RegisterGigePeer(DriverRegistry& registry, const std::shared_ptr<Simulation>& simulation) {
   registry.cameras["sim-gige"].parse =
       [simulation](const TomlTable& table) -> DeviceOpener<Camera> {
     GigeCameraOptions options = ParsePeer(table);
-    return [simulation, options, connect = AravisDriver().parse(table)](
+    return [simulation, options, plan = ParseFaultPlan(table.Table("peer")),
+            connect = AravisDriver().parse(table)](
                const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Camera>> {
       ASSIGN_OR_RETURN(std::shared_ptr<World> world,
                        simulation->OpenWorld(*context.geometry, *context.clock));
       if (absl::Status fits = world->CheckFilm({options.width, options.height}); !fits.ok()) {
         return Annotate(fits, context.name);
       }
-      ASSIGN_OR_RETURN(std::unique_ptr<GigeCameraServer> server,
-                       GigeCameraServer::Start(options, std::move(world)));
+      auto served = std::make_shared<Served>();
+      ASSIGN_OR_RETURN(served->server, GigeCameraServer::Start(options, world));
       ASSIGN_OR_RETURN(std::unique_ptr<Camera> camera, connect(context));
-      return std::make_unique<ServedCamera>(std::move(server), std::move(camera), "sim-gige");
+      served->faults = std::make_unique<FaultPlan>(
+          context.name, plan, FaultsOf(served->server, options, std::move(world)));
+      return std::make_unique<ServedCamera>(std::move(served), std::move(camera), "sim-gige");
     };
   };
 }

@@ -65,6 +65,14 @@ void ModbusLampsPeer::Tick() {
   ShineLocked();
 }
 
+void ModbusLampsPeer::PowerCycle() {
+  MutexLock lock(&mutex_);
+  watchdog_ = 0;
+  dark_at_ = kNever;
+  std::fill(values_.begin(), values_.end(), DarkValue());
+  ShineLocked();
+}
+
 void ModbusLampsPeer::Stick(std::optional<int> lamp) {
   MutexLock lock(&mutex_);
   stuck_ = lamp;

@@ -31,6 +31,7 @@ class ModbusLampsPeer final : public ModbusDevice {
   // ---- Faults; any thread.
 
   void Stick(std::optional<int> lamp);  // this one keeps the level it has
+  void PowerCycle();                    // comes back dark
   void ReadBackLate(Duration late);     // what is read changes so long after it was written
 
  private:

@@ -1,0 +1,100 @@
+// Captures through wires that need a kernel with buses (tests/vm): every device but the gantry's drive is behind one. The world is the same as in the
+// direct capture that each is compared with.
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "gtest/gtest.h"
+#include "tests/harness/compare.h"
+
+namespace lightstage {
+namespace {
+
+// On virtual time and without noise, so that what differs is what the wires did.
+std::string DirectRig() {
+  std::string rig = Replaced(WithoutNoise(SmallRig()), "format = \"RGB16\"", "format = \"Mono16\"");
+  rig = Replaced(rig, "scene = \"default\"", "scene = \"balls\"");
+  rig = Replaced(rig, "width = 256\nheight = 192", "width = 912\nheight = 1140");
+  // Patient: this machine is emulated.
+  return Replaced(rig, "device_timeout_ms = 1000", "device_timeout_ms = 10000");
+}
+
+// The same with the camera, turntable and gantry on wires.
+std::string WireRig() {
+  std::string rig = WithTable(RealTime(DirectRig()), "camera",
+                              "driver = \"sim-gige\"\nformat = \"Mono16\"\nwidth = 64\n"
+                              "height = 48\nexposures_us = [1000, 16000]\n");
+  rig = WithTable(rig, "camera.options",
+                  "address = \"127.0.0.1\"\ngain_db_per_step = 1.0\npacket_size = 7000\n"
+                  "[camera.options.peer]\nsensor_width = 64\nsensor_height = 48\nbits = 12\n");
+  rig = WithTable(rig, "turntable",
+                  "driver = \"sim-canopen\"\ninterface = \"vcan1\"\nnode = 5\ncontinuous = true\n"
+                  "units_per_turn = 36000\nmax_velocity_dps = 360\nmax_acceleration_dps2 = 3600\n"
+                  "settle_ms = 20\nhoming_method = 19\nhoming_velocity_dps = 360\n"
+                  "answer_ms = 1000\nheartbeat_ms = 4000\nsetpoint_ms = 1000\n");
+  return WithTable(rig, "tilt",
+                   "driver = \"sim-modbus\"\nprofile = \"leadshine-rs\"\nmin_deg = 0\n"
+                   "max_deg = 90\nhost = \"127.0.0.1\"\nport = 502\nsteps_per_degree = 1000\n"
+                   "max_velocity_dps = 360\nmax_acceleration_dps2 = 3600\nsettle_ms = 20\n"
+                   "response_timeout_ms = 1000\n");
+}
+
+void ExpectSame(const std::string& wire_rig, const std::vector<std::string>& plan, int images) {
+  TestFolder direct_folder;
+  Daemon direct(direct_folder, DirectRig());
+  const std::string direct_run = direct.Capture(plan);
+  TestFolder wire_folder;
+  Daemon wire(wire_folder, wire_rig);
+  const std::string wire_run = wire.Capture(plan);
+  const BasisComparison same = CompareBasis(direct, direct_run, wire, wire_run, 12, 0.016);
+  EXPECT_EQ(same.images, images);
+  EXPECT_LE(same.worst, 1.0) << same.where;
+  std::printf("%d images, worst difference %.3f of what one code is worth\n", same.images,
+              same.worst);
+}
+
+TEST(WireVm, ALightStageOverCanopenDmxAndGigEEqualsTheDirectOne) {
+  ExpectSame(WithTable(WireRig(), "lamps",
+                       "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\n"
+                       "slots = 40\nfirst_channel = 1\nlamp_count = 40\nsettle_ms = 40\n"),
+             {"light-stage", "--azimuths", "8"}, 320);
+}
+
+TEST(WireVm, LampsOnACanopenModuleEqualTheDirectOnes) {
+  ExpectSame(WithTable(WireRig(), "lamps",
+                       "driver = \"sim-canopen\"\ninterface = \"vcan1\"\nnode = 9\n"
+                       "output = \"digital\"\nsettle_ms = 5\nanswer_ms = 1000\n"
+                       "heartbeat_ms = 4000\n"),
+             {"light-stage", "--azimuths", "1", "--lamps", "0-7"}, 8);
+}
+
+// Where all horizontal and vertical patterns of an 8 x 8 grid with one dark square between lit ones are in the flash.
+std::string Flash() {
+  std::string tables;
+  int place = 0;
+  const auto add = [&](const char* arrangement, int column, int row) {
+    absl::StrAppend(&tables, "\n[[projector.patterns]]\narrangement = \"", arrangement,
+                    "\"\ngrid = 8\ninfluence = 1\ncolumn = ", column, "\nrow = ", row,
+                    "\nimage = ", place / 24, "\nnumber = ", place % 24, "\ndepth = 1\n");
+    ++place;
+  };
+  for (int along = 0; along < 8; ++along) {
+    for (int offset = 0; offset < 2; ++offset) {
+      add("horizontal", offset, along);
+      add("vertical", along, offset);
+    }
+  }
+  return tables;
+}
+
+TEST(WireVm, A4dCaptureOverADlpc350EqualsTheDirectOne) {
+  ExpectSame(
+      WithTable(WireRig(), "projector",
+                "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"flash\"\n"
+                "led_current = [100, 100, 100]\nled_current_limit = 150\n" +
+                    Flash()),
+      {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8", "--influence", "1"},
+      64);
+}
+
+}  // namespace
+}  // namespace lightstage
