@@ -69,31 +69,33 @@ size_t EditDistance(std::string_view a, std::string_view b) {
 }
 
 // The line, from 1, of the first dotted key with more than kDeepestKey parts, 0 if there is none: every part is a table in a table, and
-// the parser puts no limit to how deep they go.
+// the parser puts no limit to how deep they go. Right as far as `text` is TOML; the parser goes no further.
 size_t LineOfTooDeepKey(std::string_view text) {
   size_t line = 1, dots = 0;
-  char quote =
-      0;  // that the text is in; strings over several lines need no care, for they hold no keys
-  bool comment = false;
+  std::string_view quote;  // ends the string that the text is in
   for (size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
-    if (c == '\n') {
-      ++line;
-      dots = 0;
-      quote = 0;
-      comment = false;
-    } else if (comment) {
-      continue;
-    } else if (quote != 0) {
-      if (c == '\\' && quote == '"') ++i;
-      if (c == quote) quote = 0;
+    if (c == '\n') ++line;
+    if (!quote.empty()) {
+      if (c == '\\' && quote[0] == '"') {
+        if (++i < text.size() && text[i] == '\n') ++line;
+      } else if (text.substr(i).starts_with(quote)) {
+        i += quote.size() - 1;
+        // Before the three that end it, a string over several lines may have two more.
+        for (int more = 0; more < 2 && quote.size() == 3; ++more) {
+          if (text.substr(i + 1).starts_with(quote[0])) ++i;
+        }
+        quote = {};
+      }
     } else if (c == '"' || c == '\'') {
-      quote = c;
+      const bool three = text.substr(i, 3) == std::string(3, c);
+      quote = text.substr(i, three ? 3 : 1);
+      i += quote.size() - 1;
     } else if (c == '#') {
-      comment = true;
+      i = std::min(text.find('\n', i), text.size()) - 1;
     } else if (c == '.') {
       if (++dots >= kDeepestKey) return line;
-    } else if (std::string_view("=,[]{}").find(c) != std::string_view::npos) {
+    } else if (std::string_view("\n=,[]{}").find(c) != std::string_view::npos) {
       dots = 0;
     }
   }
@@ -150,7 +152,6 @@ struct TomlTable::Impl {
 
   void Record(const toml::table& table, const std::string& path, std::string_view key,
               std::string_view message) {
-    if (!key.empty()) used[&table].insert(std::string(key));
     auto it = missing.find(&table);
     if (it != missing.end() && it->second.reported) return;
     toml::source_position at = PositionOf(table, key);
@@ -377,6 +378,7 @@ std::vector<std::string> TomlTable::Keys() const {
 void TomlTable::Ignore() const { impl_->ignored.insert(&AsTable(node_)); }
 
 void TomlTable::ErrorAt(std::string_view key, std::string_view message) const {
+  if (!key.empty()) impl_->used[&AsTable(node_)].insert(std::string(key));
   impl_->Record(AsTable(node_), path_, key, message);
 }
 

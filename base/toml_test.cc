@@ -175,7 +175,25 @@ TEST(TomlTest, KeysAreNotDeeperThanTheParserCanStand) {
     for (int i = 0; i < 200000; ++i) key += absl::StrCat(" . ", part);
     EXPECT_FALSE(TomlDocument::Parse("[" + key + "]", "f").ok()) << part;
   }
+  // Behind the end of a string over several lines, in which single quotes say nothing.
+  key = "a";
+  for (int i = 0; i < 200000; ++i) key += ".a";
+  for (const char* before :
+       {"x = { y = \"\"\"\n\"\"\", ", "x = { y = '''\n\"''', ", "x = { y = \"\"\"\n\"\"\"\"\", ",
+        "x = \"\"\"\\\n \" \"\"\" # \\\n", "x = \"\"\n", "x = '\\'\n"}) {
+    doc = TomlDocument::Parse(before + key + " = 1", "f");
+    EXPECT_THAT(std::string(doc.status().message()), HasSubstr("a key of more than")) << before;
+  }
   EXPECT_TRUE(TomlDocument::Parse("# " + std::string(500, '.') + "\na.b.c = 0.5\n", "f").ok());
+  EXPECT_TRUE(TomlDocument::Parse("a = \"\"\"\n" + std::string(500, '.') + "\"\"\"\n", "f").ok());
+}
+
+TEST(TomlTest, FinishMayBeAskedAgain) {
+  auto doc = MustParse("a = 1\nb = { c = 2 }\n");
+  doc.root().Int("a", 2, 3);
+  const std::string message = FinishMessage(doc);
+  EXPECT_THAT(message, HasSubstr("b: unknown key"));
+  EXPECT_EQ(FinishMessage(doc), message);
 }
 
 TEST(TomlTest, WrongShapes) {

@@ -245,6 +245,9 @@ absl::StatusOr<Eds> Eds::Parse(std::string_view text, const std::string& file, i
       {"vendornumber", &eds.vendor_}, {"productnumber", &eds.product_}};
   for (const auto& [key, number] : numbers) {
     ASSIGN_OR_RETURN(const std::optional<int64_t> value, reader.Number(info->second, key));
+    if (value.has_value() && (*value < 0 || *value > UINT32_MAX)) {
+      return At(file, info->second.Find(key)->line, absl::StrCat(key, " has more than 32 bits"));
+    }
     if (value.has_value() && *value != 0) *number = static_cast<uint32_t>(*value);
   }
   for (const auto& [name, section] : sections) {

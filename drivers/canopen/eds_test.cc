@@ -81,6 +81,8 @@ TEST(Eds, MistakesAreSaidWithTheirLine) {
       {"[DeviceInfo]\n[1000]\nDataType=7\nHighLimit=$NODEID-1\n", "x.eds:4:"},
       {"[DeviceInfo]\n[1000]\nDataType=7\nLowLimit=2\nHighLimit=1\n", "above"},
       {"[DeviceInfo]\n[1000]\nDataType=99999999999999999999\n", "x.eds:3:"},
+      {"[DeviceInfo]\nVendorNumber=0x100000001\n[1000]\n", "x.eds:2: vendornumber"},
+      {"[DeviceInfo]\nProductNumber=-1\n[1000]\n", "x.eds:2: productnumber"},
   };
   for (const auto& mistake : mistakes) {
     const absl::Status status = Eds::Parse(mistake.text, "x.eds", 5).status();

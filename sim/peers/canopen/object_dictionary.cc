@@ -184,7 +184,7 @@ std::vector<uint8_t> SdoServer::Download(std::span<const uint8_t> request) {
   if (const uint32_t refused = objects_.Read(index_, sub_, &there); refused != 0) {
     return Aborted(refused);
   }
-  announced_ = request[4] + 256u * request[5] + 65536u * request[6];
+  announced_ = request[4] + 256u * request[5] + 65536u * request[6] + 16777216u * request[7];
   if (announced_ > kLongest) return Aborted(0x05040005);
   bytes_.clear();
   toggle_ = false;
