@@ -195,6 +195,7 @@ absl::StatusOr<std::vector<float>> CanopenLampsLink::Set(const std::vector<float
   }
   RETURN_IF_ERROR(WriteAll(ValuesOf(levels)));
   RETURN_IF_ERROR(CheckLit());
+  trouble_when_set_ = Trouble();
   return LevelsOf();
 }
 
@@ -203,7 +204,18 @@ absl::Status CanopenLampsLink::Check() {
     RETURN_IF_ERROR(
         Confirm({digital() ? kDigitalOutputs : kAnalogueOutputs, output.sub}, *output.value));
   }
-  return CheckLit();
+  RETURN_IF_ERROR(CheckLit());
+  // What it complained of before, and took its outputs all the same, does not count.
+  if (const int trouble = Trouble(); trouble != 0 && trouble != trouble_when_set_) {
+    return node_.Fault(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT",
+                       "reported an error since its lamps were set");
+  }
+  return absl::OkStatus();
+}
+
+int CanopenLampsLink::Trouble() const {
+  const std::optional<Emergency> emergency = node_.emergency();
+  return emergency.has_value() ? emergency->code : 0;
 }
 
 absl::Status CanopenLampsLink::CheckLit() {

@@ -44,6 +44,7 @@ class CanopenLampsLink final : public LampsLink {
   absl::Status WriteOutput(Output& output, int value);
   absl::Status Confirm(const ObjectAddress& object, int value);
   absl::Status CheckLit();
+  int Trouble() const;  // code of the emergency in force; 0: none
   absl::Status Say();
   absl::Status Start();
   absl::Status WriteTimeToDark();
@@ -59,6 +60,7 @@ class CanopenLampsLink final : public LampsLink {
   TimePoint said_{};          // our last heartbeat for it
   bool may_be_dark_ = false;  // it may have missed one; until it is started anew
   bool lit_ = false;
+  int trouble_when_set_ = 0;
 };
 
 }  // namespace lightstage::canopen

@@ -2,6 +2,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <array>
 #include <thread>
 #include <utility>
 
@@ -69,6 +71,20 @@ absl::Status Link::Connect() {
   return absl::OkStatus();
 }
 
+std::array<uint8_t, 3> Link::LedCurrents() const {
+  std::array<uint8_t, 3> currents;
+  std::transform(options_.current.begin(), options_.current.end(), currents.begin(),
+                 [](uint8_t current) { return static_cast<uint8_t>(255 - current); });
+  return currents;
+}
+
+absl::StatusOr<bool> Link::IsConfigured() {
+  ASSIGN_OR_RETURN(const std::vector<uint8_t> mode, controller_->Read(kMode, 1));
+  ASSIGN_OR_RETURN(const std::vector<uint8_t> currents, controller_->Read(kLedCurrent, 3));
+  const std::array<uint8_t, 3> told = LedCurrents();
+  return (mode[0] == 1) == options_.flash && std::equal(told.begin(), told.end(), currents.begin());
+}
+
 absl::Status Link::Configure() {
   ASSIGN_OR_RETURN(std::vector<uint8_t> version, controller_->Read(kVersion, 4));
   ASSIGN_OR_RETURN(version_, ParseVersion(version));
@@ -83,9 +99,7 @@ absl::Status Link::Configure() {
   RETURN_IF_ERROR(controller_->Set(kLedEnable, {kLedsOff}));
   // The LightCrafter's drivers invert what the polarity says: 255 is dark (e2e.ti.com, thread 451589).
   RETURN_IF_ERROR(controller_->Set(kLedPolarity, {0}));
-  RETURN_IF_ERROR(controller_->Set(kLedCurrent, {static_cast<uint8_t>(255 - options_.current[0]),
-                                                 static_cast<uint8_t>(255 - options_.current[1]),
-                                                 static_cast<uint8_t>(255 - options_.current[2])}));
+  RETURN_IF_ERROR(controller_->Set(kLedCurrent, LedCurrents()));
   RETURN_IF_ERROR(controller_->Set(kMode, {static_cast<uint8_t>(options_.flash ? 1 : 0)}));
   if (!options_.flash) return ShowOnScreen(Pattern{});
   RETURN_IF_ERROR(controller_->Set(kStartStop, {kStop}));
@@ -111,6 +125,13 @@ ProjectorInfo Link::info() const {
 
 absl::Status Link::Show(const Pattern& pattern) {
   const bool black = pattern.arrangement == PatternArrangement::kBlack;
+  if (controller_ != nullptr) {
+    const absl::StatusOr<bool> configured = IsConfigured();
+    if (configured.ok() && !*configured) {
+      spdlog::warn("{}: was reset; it is configured anew", name_);
+      controller_.reset();
+    }
+  }
   if (controller_ == nullptr) RETURN_IF_ERROR(Connect());
   lit_ = !black;
   absl::Status shown = black ? Dark() : options_.flash ? ShowStored(pattern) : ShowVideo(pattern);
@@ -128,7 +149,13 @@ absl::Status Link::Show(const Pattern& pattern) {
 }
 
 absl::Status Link::Check() {
-  absl::Status same = CheckHealth(lit_);
+  const absl::StatusOr<bool> configured = IsConfigured();
+  absl::Status same = configured.status();
+  if (same.ok() && !*configured) {
+    same = Error(absl::StatusCode::kUnavailable, "DEVICE_LOST", "it was reset meanwhile",
+                 {{"device", name_}});
+  }
+  if (same.ok()) same = CheckHealth(lit_);
   if (same.ok() && screen_ != nullptr) {
     Pending<std::monostate> checked(clock_);
     screen_->Check(clock_.Now() + kScreenPatience, checked.sink());

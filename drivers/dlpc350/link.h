@@ -1,6 +1,7 @@
 // A DLPC350 as a link for drivers/link/light_link.h.
 #pragma once
 
+#include <array>
 #include <memory>
 
 #include "drivers/dlpc350/controller.h"
@@ -26,7 +27,10 @@ class Link final : public ProjectorLink {
   absl::Status Check() override;
 
  private:
+  std::array<uint8_t, 3> LedCurrents() const;  // as they are told
   absl::Status Configure();
+  // Whether it remembers what it was told on connecting: else it was switched off, or reset itself.
+  absl::StatusOr<bool> IsConfigured();
   absl::Status Dark();
   absl::Status ShowStored(const Pattern& pattern);
   absl::Status ShowVideo(const Pattern& pattern);

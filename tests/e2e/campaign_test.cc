@@ -23,7 +23,7 @@ size_t Count(const std::string& text, const std::string& what) {
 
 // Of a device's table: a fault now and then.
 std::string Faults(const char* wire = "") {
-  return std::string("[PEER]\nfault_interval_s = 1.5\nfault_seed = ") +
+  return std::string("[PEER]\nfault_interval_s = 0.7\nfault_after_s = 1.5\nfault_seed = ") +
          std::to_string(FromEnvironment("LIGHTSTAGE_CAMPAIGN_SEED", 1)) + "\n" + wire;
 }
 
@@ -124,7 +124,7 @@ TEST(Campaign, ModbusAxisAndLamps) {
            Faulty(ModbusTable(RealTime(Small())), "lamps",
                   "driver = \"sim-modbus\"\nkind = \"coils\"\ncount = 40\nsettle_ms = 2\n"
                   "host = \"127.0.0.1\"\nport = 503\n"),
-           {"light-stage", "--azimuths", "4"});
+           {"light-stage", "--azimuths", "2"});
 }
 
 TEST(Campaign, CanopenAxisAndLamps) {
@@ -133,7 +133,7 @@ TEST(Campaign, CanopenAxisAndLamps) {
                   "driver = \"sim-canopen\"\ninterface = \"can0\"\nnode = 9\n"
                   "output = \"digital\"\nsettle_ms = 2\n",
                   kProcess),
-           {"light-stage", "--azimuths", "4"});
+           {"light-stage", "--azimuths", "2"});
 }
 
 TEST(Campaign, DmxLampsAndGigECamera) {
@@ -142,7 +142,7 @@ TEST(Campaign, DmxLampsAndGigECamera) {
                   "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\nslots = 40\n"
                   "first_channel = 1\nlamp_count = 40\nsettle_ms = 2\n",
                   kProcess),
-           {"light-stage", "--azimuths", "4"});
+           {"light-stage", "--azimuths", "2"});
 }
 
 TEST(Campaign, Dlpc350Projector) {
@@ -155,7 +155,7 @@ TEST(Campaign, Dlpc350Projector) {
                   "[[projector.patterns]]\narrangement = \"square\"\ngrid = 8\n"
                   "every_square = true\nimage = 0\ndepth = 1\n",
                   kProcess),
-           {"projector-4d", "--azimuths", "2", "--tilts", "20,50", "--grid", "8"});
+           {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8"});
 }
 
 }  // namespace

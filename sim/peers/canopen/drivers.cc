@@ -79,8 +79,6 @@ std::vector<FaultKind> NodeFaults(PeerNode& node, canopen::MemoryBus* memory, Du
   kinds.push_back({"bus-off", milliseconds(300), [memory](bool on) {
                      memory->SetState(on ? canopen::CanState::kBusOff : canopen::CanState::kActive);
                    }});
-  kinds.push_back(
-      {"interface gone", milliseconds(300), [memory](bool on) { memory->SetPresent(!on); }});
   return kinds;
 }
 
@@ -167,7 +165,7 @@ DeviceOpener<Lamps> ParseLamps(const std::shared_ptr<Simulation>& simulation,
             NodeFaults(outputs.node(), served->memory.get(), lamps.node.heartbeat);
         kinds.push_back({"writes are confirmed and not done", milliseconds(500),
                          [&outputs](bool on) { outputs.IgnoreWrites(on); }});
-        kinds.push_back({"emergency 2310h", Duration::zero(), [&outputs](bool begins) {
+        kinds.push_back({"emergency 2310h", milliseconds(500), [&outputs](bool begins) {
                            outputs.node().Do([&](ObjectDictionary&) {
                              outputs.node().Emergency(begins ? 0x2310 : 0, begins ? 3 : 0);
                            });

@@ -320,6 +320,28 @@ TEST(Dlpc350, UnpluggedIsLostWithinASecondAndComesBack) {
   EXPECT_EQ(bench.device->OnWall(), Row());
 }
 
+// Its USB stays, its settings do not: it shows its video input as if nothing were.
+TEST(Dlpc350, AResetInAnExposureIsToldAndMended) {
+  Bench bench;
+  auto projector = bench.Open();
+  ASSERT_TRUE(projector.ok()) << projector.status();
+  const auto check = [&] {
+    Pending<std::monostate> done(bench.clock);
+    (*projector)->Check(bench.clock.Now() + seconds(60), done.sink());
+    return done.Wait(kNever, "Check").status();
+  };
+  ASSERT_TRUE(bench.Show(**projector, Row()).ok());
+  EXPECT_TRUE(check().ok());
+  bench.device->PowerCycle(false);
+  EXPECT_EQ(ErrorReason(check()), "DEVICE_LOST");
+  EXPECT_TRUE(bench.Show(**projector, Row()).ok()) << "configured anew";
+  EXPECT_EQ(bench.device->OnWall(), Row());
+  EXPECT_TRUE(check().ok());
+  bench.device->PowerCycle(false);
+  EXPECT_TRUE(bench.Show(**projector, Full()).ok()) << "found before it is used";
+  EXPECT_EQ(bench.device->OnWall(), Full());
+}
+
 TEST(Dlpc350, UnpluggedWhileItIsWaitedFor) {
   Bench bench;
   auto projector = bench.Open();
