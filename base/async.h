@@ -30,12 +30,15 @@ class Pending {
   Completion<T> sink() {
     return [state = state_, clock = clock_](absl::StatusOr<T> result) {
       state->result = std::move(result);
+      state->at = clock->Now();
       state->done.store(true, std::memory_order_release);
       clock->Notify();
     };
   }
 
   bool done() const { return state_->done.load(std::memory_order_acquire); }
+  // When the result came; only after it has.
+  TimePoint done_at() const { return state_->at; }
 
   // The operation's result, or DEADLINE_EXCEEDED naming `what` if it has not come by `deadline`. Call once.
   absl::StatusOr<T> Wait(TimePoint deadline, std::string_view what) {
@@ -50,6 +53,7 @@ class Pending {
  private:
   struct State {
     absl::StatusOr<T> result{absl::UnknownError("no result yet")};
+    TimePoint at{};
     std::atomic<bool> done{false};
   };
   Clock* clock_;

@@ -150,6 +150,7 @@ Json ToJson(const ShotRecord& r) {
                {"commanded", ToJson(r.shot.pose)},
                {"reported", ToJson(r.reported_pose)},
                {"condition", ToJson(r.shot.condition)},
+               {"lit_at_ns", r.lit_at.time_since_epoch().count()},
                {"bracket_us", std::move(bracket)}};
   if (r.direction) json["direction"] = ToJson(*r.direction);
   json["exposures"] = std::move(exposures);
@@ -210,6 +211,7 @@ ShotRecord ReadShotRecord(const JsonReader& reader) {
   }
   r.shot.pose = ReadPose(reader.Object("commanded"));
   r.reported_pose = ReadPose(reader.Object("reported"));
+  if (reader.Has("lit_at_ns")) r.lit_at = TimePoint(Duration(reader.Int("lit_at_ns")));
   r.shot.condition = ReadCondition(reader.Object("condition"));
   const Json& bracket = reader.Value("bracket_us");
   for (double us : reader.Doubles("bracket_us", bracket.is_array() ? bracket.size() : 0)) {

@@ -37,6 +37,7 @@ TEST(RecordJsonTest, EverythingComesBackExactly) {
   EXPECT_EQ(r.checks.maximum, record.checks.maximum);
   EXPECT_EQ(r.checks.nothing_seen, record.checks.nothing_seen);
   EXPECT_EQ(r.attempts, record.attempts);
+  EXPECT_EQ(r.lit_at, record.lit_at);
   EXPECT_EQ(r.captured_at, record.captured_at);
   EXPECT_EQ(r.file, record.file);
   EXPECT_EQ(r.bytes, record.bytes);

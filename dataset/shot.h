@@ -66,6 +66,7 @@ struct ShotChecks {
 struct ShotRecord {
   Shot shot;           // as commanded
   Pose reported_pose;  // as the axes reported it when the first exposure started
+  TimePoint lit_at{};  // when the light had confirmed, rig clock; 0: not known (older runs)
   std::optional<Vec3>
       direction;  // object frame, unit, towards the light; absent for dark and reference shots
   std::vector<ExposureRecord> exposures;

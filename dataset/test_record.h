@@ -29,6 +29,7 @@ inline ShotRecord TestRecord(uint64_t id) {
               .maximum = 4.5,
               .nothing_seen = true};
   r.attempts = 2;
+  r.lit_at = TimePoint(Duration(123456789));
   r.captured_at = "2004-05-06T07:08:09.123456Z";
   r.file = "basis/000123.exr";
   r.bytes = 987654321;

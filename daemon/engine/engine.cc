@@ -158,7 +158,7 @@ absl::Status Engine::CompareReference() {
   auto lighting = rig_.StartCondition(attempt.shot.condition);
   RETURN_IF_ERROR(posing->Wait());
   RETURN_IF_ERROR(lighting->Wait());
-  RETURN_IF_ERROR(Expose(attempt, lighting->lamp_levels(), since));
+  RETURN_IF_ERROR(Expose(attempt, *lighting, since));
   InFlight taken = *std::exchange(in_flight_, std::nullopt);
   ASSIGN_OR_RETURN(std::vector<Frame> frames, taken.bracket.TakeFrames());
   resumption_done_ = true;  // whatever it says, it is said once
@@ -229,18 +229,17 @@ absl::Status Engine::Take(const Attempt& attempt, ShotSink& sink) {
   RETURN_IF_ERROR(posed);
   RETURN_IF_ERROR(lit);
   RETURN_IF_ERROR(rig_.ArmCamera());
-  return Expose(attempt, lighting->lamp_levels(), since);
+  return Expose(attempt, *lighting, since);
 }
 
-absl::Status Engine::Expose(const Attempt& attempt, const std::vector<float>& lamp_levels,
-                            uint64_t since) {
+absl::Status Engine::Expose(const Attempt& attempt, const Rig::Lighting& lighting, uint64_t since) {
   const Shot& shot = attempt.shot;
   ASSIGN_OR_RETURN(const Pose reported, ReadHeldPose(shot));
-  in_flight_.emplace(
-      InFlight{attempt, reported, rig_.WallNow(), Bracket(rig_, shot.exposures, since)});
+  in_flight_.emplace(InFlight{attempt, reported, lighting.lit_at(), rig_.WallNow(),
+                              Bracket(rig_, shot.exposures, since)});
   // The record says what the lamps really did.
   for (LampLevel& lamp : in_flight_->attempt.shot.condition.lamps)
-    lamp.level = lamp_levels[lamp.lamp];
+    lamp.level = lighting.lamp_levels()[lamp.lamp];
   absl::Status exposed = in_flight_->bracket.Expose();
   if (exposed.ok()) exposed = ReadHeldPose(shot).status();
   if (!exposed.ok()) {
@@ -285,6 +284,7 @@ void Engine::Settle(ShotSink& sink) {
 RawShot Engine::Raw(InFlight taken, std::vector<Frame> frames) {
   RawShot raw{.shot = std::move(taken.attempt.shot),
               .reported_pose = taken.reported_pose,
+              .lit_at = taken.lit_at,
               .frames = std::move(frames),
               .attempt = taken.attempt.number,
               .captured_at = taken.captured_at};

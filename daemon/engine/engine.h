@@ -82,6 +82,7 @@ class Engine {
   struct InFlight {
     Attempt attempt;
     Pose reported_pose;
+    TimePoint lit_at;
     WallTime captured_at;
     Bracket bracket;
   };
@@ -92,9 +93,8 @@ class Engine {
   absl::StatusOr<std::optional<Attempt>> Next(ShotSink& sink);
   // Poses, lights and exposes; the shot before is collected meanwhile. Leaves the shot in flight.
   absl::Status Take(const Attempt& attempt, ShotSink& sink);
-  // `lamp_levels` as confirmed; `since`: Bracket's.
-  absl::Status Expose(const Attempt& attempt, const std::vector<float>& lamp_levels,
-                      uint64_t since);
+  // Under the light as confirmed; `since`: Bracket's.
+  absl::Status Expose(const Attempt& attempt, const Rig::Lighting& lighting, uint64_t since);
   // The pose the axes report; ABORTED / POSE_NOT_HELD if it is not the shot's.
   absl::StatusOr<Pose> ReadHeldPose(const Shot& shot);
   // Puts the shot in flight, if there is one, into the sink; `stalled` is called if that takes long.

@@ -16,6 +16,7 @@ namespace lightstage {
 struct RawShot {
   Shot shot;
   Pose reported_pose;
+  TimePoint lit_at{};  // when the light had confirmed
   std::vector<Frame> frames;
   std::vector<ExposureRecord> exposures;
   int attempt = 1;

@@ -175,6 +175,7 @@ class Rig {
   // As confirmed, and the command that they answer to; NaN where nothing was confirmed.
   std::vector<float> lamp_levels_ ABSL_GUARDED_BY(state_mutex_);
   std::vector<float> lamps_asked_ ABSL_GUARDED_BY(state_mutex_);
+  TimePoint lit_at_ ABSL_GUARDED_BY(state_mutex_){};  // when the light of now was confirmed
   Pattern pattern_ ABSL_GUARDED_BY(state_mutex_);
   bool keep_lit_ ABSL_GUARDED_BY(state_mutex_) = false;     // a lamp was told to be on
   bool refreshing_ ABSL_GUARDED_BY(state_mutex_) = false;   // a timer is set
@@ -220,6 +221,8 @@ class Rig::Lighting {
   absl::Status Wait();
   // After Wait(): every lamp's level as confirmed, as fine as the lamps can do it.
   const std::vector<float>& lamp_levels() const { return confirmed_; }
+  // After Wait(): when the last of the lights had confirmed that it is as it is, rig clock.
+  TimePoint lit_at() const { return lit_at_; }
 
  private:
   friend class Rig;
@@ -231,6 +234,7 @@ class Rig::Lighting {
   std::optional<Pending<ProjectorState>> projector_;
   std::vector<float> levels_, confirmed_;
   Pattern pattern_;
+  TimePoint lit_at_{};
 };
 
 }  // namespace lightstage

@@ -134,6 +134,11 @@ absl::Status Rig::Lighting::Wait() {
     rig_->lamps_asked_ = levels_;
   }
   if (latest && projector_ && shown.ok()) rig_->pattern_ = shown->shown;
+  if (latest && first.ok()) {
+    if (lamps_) rig_->lit_at_ = std::max(rig_->lit_at_, lamps_->done_at());
+    if (projector_) rig_->lit_at_ = std::max(rig_->lit_at_, projector_->done_at());
+  }
+  lit_at_ = rig_->lit_at_;
   confirmed_ = rig_->lamp_levels_;
   return first;
 }

@@ -302,6 +302,7 @@ v1::Shot ToMessage(const ShotRecord& record) {
   if (record.direction) *message.mutable_direction() = ToMessage(*record.direction);
   AddExposures(record.exposures, message.mutable_exposures());
   message.set_attempts(record.attempts);
+  message.set_lit_seconds(Seconds(record.lit_at.time_since_epoch()));
   google::protobuf::util::TimeUtil::FromString(record.captured_at, message.mutable_capture_time());
   message.set_file(record.file);
   message.set_bytes(static_cast<int64_t>(record.bytes));

@@ -105,6 +105,7 @@ absl::StatusOr<ShotRecord> Pipeline::Store(const RawShot& raw) {
   ShotRecord record;
   record.shot = raw.shot;
   record.reported_pose = raw.reported_pose;
+  record.lit_at = raw.lit_at;
   record.direction = developed.direction;
   record.exposures = raw.exposures;
   record.checks = developed.checks;

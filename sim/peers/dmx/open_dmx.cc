@@ -1,5 +1,7 @@
 #include "sim/peers/dmx/open_dmx.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -165,6 +167,7 @@ void OpenDmx::Hear(const OnLine& heard) {
 
 void OpenDmx::Refuse(std::string why) {
   hearing_ = Hearing::kNothing;
+  spdlog::warn("the lamps on {} believe no frame: {}", identity().serial, why);
   if (refusals_.size() < 100) refusals_.push_back(std::move(why));
 }
 
