@@ -373,8 +373,10 @@ TEST_F(SceneFiles, MediaThatOverlapAreRefused) {
                     "[[mesh]]\nfile = \"tetra.off\"\nmaterial = \"foam\"\nsize_m = 0.1\n"
                     "[[mesh.copy]]\n[[mesh.copy]]\nposition_m = [0.01, 0, 0]\n",
                 {"tetra.off and ", "tetra.off overlap"});
-  for (const std::string& good : {ball("clay", 0.02, 0.03), ball("foam", 0.2, 0.1),
-                                  box("milk", 0.15), ball("glass", 0.25, 0.1)}) {
+  ExpectRefused(foam + ball("foam", 0.2, 0.1), {"ball 0 and ball 1", "touch", "leave a gap"});
+  ExpectRefused(foam + box("milk", 0.15), {"ball 0 and box 0", "leave a gap"});
+  for (const std::string& good : {ball("clay", 0.02, 0.03), ball("foam", 0.201, 0.1),
+                                  box("milk", 0.151), ball("glass", 0.25, 0.1)}) {
     auto description = Load(foam + good);
     ASSERT_TRUE(description.ok()) << description.status();
     const absl::Status built = Scene::Build(*std::move(description)).status();
