@@ -158,17 +158,18 @@ absl::Status CheckCorner(const Lines& lines, const std::string& corner,
 
 }  // namespace
 
-absl::Status CheckObj(const std::string& path, const std::string& bytes) {
+absl::StatusOr<uint64_t> CheckObj(const std::string& path, const std::string& bytes) {
   std::array<Referred, 3> kinds = {
       {{"vertex", "v"}, {"texture coordinate", "vt"}, {"normal", "vn"}}};
   Lines lines(path, bytes);
   bool goes_on = false, face = false;  // the line before: in this one; was one
-  uint64_t corners = 0;
+  uint64_t corners = 0, faces = 0;
   while (lines.Next()) {
     std::vector<std::string> words = lines.Words();
     if (!goes_on) {
       face = !words.empty() && words[0] == "f";
       corners = 0;
+      faces += face;
       if (face) words.erase(words.begin());
       for (Referred& kind : kinds) kind.count += !words.empty() && words[0] == kind.keyword;
     }
@@ -187,7 +188,7 @@ absl::Status CheckObj(const std::string& path, const std::string& bytes) {
     return lines.WrongAt(kind.largest_line, absl::StrCat("the face has the ", kind.what, " ",
                                                          kind.largest, "; there are ", kind.count));
   }
-  return absl::OkStatus();
+  return faces;
 }
 
 // ---- PLY

@@ -16,8 +16,8 @@ absl::Status WrongMesh(const std::string& path, const std::string& why);
 // One element per line, as many as announced, and every face has three corners or more, that there are.
 absl::Status CheckOff(const std::string& path, const std::string& bytes);
 
-// Every corner of a face is a vertex that there is, and so are its texture coordinates and its normal.
-absl::Status CheckObj(const std::string& path, const std::string& bytes);
+// Every corner of a face is a vertex that there is, and so are its texture coordinates and its normal. Returns how many faces.
+absl::StatusOr<uint64_t> CheckObj(const std::string& path, const std::string& bytes);
 
 // As many elements as the header announces and no more of them than the file can hold; each with all its values. Returns how many faces.
 absl::StatusOr<uint64_t> CheckPly(const std::string& path, const std::string& bytes);

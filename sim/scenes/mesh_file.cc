@@ -162,9 +162,13 @@ absl::StatusOr<Mesh> Import(const std::string& path, const std::string& extensio
     if (!dropped.empty()) return WrongMesh(path, absl::StrCat("cannot be read whole: ", dropped));
     RETURN_IF_ERROR(CheckImported(path, *scene));
     uint64_t read = 0;
-    for (unsigned int m = 0; m < scene->mNumMeshes; ++m) read += scene->mMeshes[m]->mNumFaces;
+    for (unsigned int m = 0; m < scene->mNumMeshes; ++m) {
+      const aiMesh& part = *scene->mMeshes[m];
+      read += std::count_if(part.mFaces, part.mFaces + part.mNumFaces,
+                            [](const aiFace& face) { return face.mNumIndices >= 3; });
+    }
     if (faces > 0 && read != faces) {
-      return WrongMesh(path, absl::StrCat("announces ", faces, " faces; ", read, " could be read"));
+      return WrongMesh(path, absl::StrCat("has ", faces, " faces; ", read, " could be read"));
     }
     scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_PreTransformVertices |
                                          aiProcess_SortByPType | aiProcess_GenSmoothNormals |
@@ -254,7 +258,9 @@ absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadNamedFile(path, env));
   uint64_t faces = 0;
   if (extension == ".off") RETURN_IF_ERROR(CheckOff(path, bytes));
-  if (extension == ".obj") RETURN_IF_ERROR(CheckObj(path, bytes));
+  if (extension == ".obj") {
+    ASSIGN_OR_RETURN(faces, CheckObj(path, bytes));
+  }
   if (extension == ".ply") {
     ASSIGN_OR_RETURN(faces, CheckPly(path, bytes));
   }

@@ -130,6 +130,9 @@ TEST_F(SceneFiles, SayWhereTheyAreWrong) {
   ExpectRefused(clay + "[[ball]]\nmaterial = \"clay\"\n", {"radius_m"});
   ExpectRefused(clay + "[[mesh]]\nfile = \"missing.off\"\nmaterial = \"clay\"\n",
                 {"scene.toml:4:1", "missing.off"});
+  ExpectRefused(
+      clay + "[[mesh]]\nfile = \"tetra.off\"\nmaterial = \"clay\"\nsize_m = 1\nscale = 2\n",
+      {"scene.toml:7:1", "size_m or scale, not both"});
   ExpectRefused(clay + "[[mesh]]\nfile = \"scene.toml\"\nmaterial = \"clay\"\n",
                 {".off, .obj, .ply"});
   ExpectRefused("[material.c]\ndiffuse = [1, 1, 1]\n[material.c.texture]\nfile = \"missing.png\"\n",
@@ -307,6 +310,7 @@ end_header
   refuse("normal.obj", points + "vn 0 0 1\nf 1//7 3//1 2//1\n", {"normal.obj: line 6", "normal 7"});
   refuse("uv.obj", points + "vt 0 0\nf 1/9 3/1 2/1\n", {"uv.obj: line 6", "texture coordinate 9"});
 
+  refuse("indented.obj", points + "f 1 3 2\n f 1 2 4\n", {"indented.obj", "has 2 faces; 1 could"});
   refuse("edge.off", "OFF\n4 2 0\n" + corners + "3 0 2 1\n2 1 2\n",
          {"edge.off: line 8", "2 corners"});
 
