@@ -129,7 +129,8 @@ absl::StatusOr<Scene> Scene::Build(SceneDescription description) {
   // Building takes a tenth of a second on one thread, and what comes out does not depend on how many there are.
   scene.device_ = rtcNewDevice("threads=1");
   if (scene.device_ == nullptr) {
-    return Error(absl::StatusCode::kInternal, "EMBREE", "Embree gives no device");
+    return Error(absl::StatusCode::kInternal, "EMBREE",
+                 "Embree gives no device: for want of memory or threads");
   }
   scene.scene_ = rtcNewScene(scene.device_);
   // Rays must not slip through where thin triangles meet.
