@@ -169,26 +169,50 @@ struct TomlTable::Impl {
     return node;
   }
 
-  // Records every key below `table` that nobody read.
-  void RecordUnknown(const toml::table& table, const std::string& path) {
+  // A key that nobody read.
+  struct Unknown {
+    toml::source_position at;
+    const toml::table* table;
+    std::string path, key;
+  };
+
+  // All of them below `table`.
+  void FindUnknown(const toml::table& table, const std::string& path, std::vector<Unknown>* out) {
     if (ignored.count(&table) != 0) return;
+    const std::set<std::string>& read = used[&table];
     for (const auto& [name, node] : table) {
       std::string key(name.str());
-      if (used[&table].count(key) == 0) {
-        Record(table, path, key, Suggestion(key, known[&table]));
+      if (read.count(key) == 0) {
+        out->push_back({name.source().begin, &table, path, std::move(key)});
         continue;
       }
       std::string below = path.empty() ? key : absl::StrCat(path, ".", key);
       if (const toml::table* sub = node.as_table(); sub != nullptr) {
-        RecordUnknown(*sub, below);
+        FindUnknown(*sub, below, out);
       } else if (const toml::array* array = node.as_array(); array != nullptr) {
         for (size_t i = 0; i < array->size(); ++i) {
           if (const toml::table* element = (*array)[i].as_table()) {
-            RecordUnknown(*element, absl::StrCat(below, "[", i, "]"));
+            FindUnknown(*element, absl::StrCat(below, "[", i, "]"), out);
           }
         }
       }
     }
+  }
+
+  // Records the first ones in the file, as many as can be shown: finding what was meant takes its time. Returns how many are left.
+  size_t RecordUnknown() {
+    std::vector<Unknown> unknown;
+    FindUnknown(root, "", &unknown);
+    const size_t shown = std::min(unknown.size(), kMostErrors);
+    std::partial_sort(unknown.begin(), unknown.begin() + static_cast<ptrdiff_t>(shown),
+                      unknown.end(), [](const Unknown& a, const Unknown& b) {
+                        return std::tie(a.at.line, a.at.column) < std::tie(b.at.line, b.at.column);
+                      });
+    for (size_t i = 0; i < shown; ++i) {
+      const Unknown& u = unknown[i];
+      Record(*u.table, u.path, u.key, Suggestion(u.key, known[u.table]));
+    }
+    return unknown.size() - shown;
   }
 };
 
@@ -410,7 +434,7 @@ absl::StatusOr<TomlDocument> TomlDocument::Parse(std::string_view text, std::str
 absl::Status TomlDocument::Finish() const {
   TomlTable::Impl& impl = *root_.impl_;
   auto recorded = impl.errors;
-  impl.RecordUnknown(impl.root, "");
+  const size_t left_out = impl.RecordUnknown();
   std::vector<std::tuple<toml::source_index, toml::source_index, std::string>> errors;
   errors.swap(impl.errors);
   impl.errors = std::move(recorded);  // Finish() may be asked again
@@ -424,11 +448,10 @@ absl::Status TomlDocument::Finish() const {
     lines.push_back(text);
   }
   // The last of the ten lines says how much is left.
-  if (errors.size() > kMostErrors) {
-    lines.back() = absl::StrCat("and ", errors.size() - kMostErrors + 1, " more");
-  }
+  const size_t count = errors.size() + left_out;
+  if (count > kMostErrors) lines.back() = absl::StrCat("and ", count - kMostErrors + 1, " more");
   return Error(absl::StatusCode::kInvalidArgument, "RIG_FILE_INVALID", absl::StrJoin(lines, "\n"),
-               {{"file", impl.filename}, {"errors", absl::StrCat(errors.size())}});
+               {{"file", impl.filename}, {"errors", absl::StrCat(count)}});
 }
 
 std::string TomlQuoted(std::string_view text) {

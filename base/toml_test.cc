@@ -1,5 +1,7 @@
 #include "base/toml.h"
 
+#include <ctime>
+
 #include "base/status.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
@@ -163,6 +165,24 @@ TEST(TomlTest, AtMostTenLinesInFileOrder) {
   EXPECT_EQ(std::count(message.begin(), message.end(), '\n'), 9);
   EXPECT_THAT(message, HasSubstr("rig.toml:1:1: k0: unknown key; this table takes none\n"));
   EXPECT_THAT(message, HasSubstr("\nand 6 more"));
+}
+
+// In a moment: to look for what each of them may have meant takes minutes.
+TEST(TomlTest, ThousandsOfUnknownKeysAreCounted) {
+  constexpr int kCount = 300000;
+  std::string text = "[a]\nz = 1\n";
+  for (int i = 0; i < kCount; ++i) absl::StrAppend(&text, "key", i, " = 1\n");
+  auto doc = MustParse(text);
+  const TomlTable a = doc.root().Table("a");
+  a.ErrorAt("z", "is wrong");
+  for (int i = 0; i < 100; ++i) a.Int(absl::StrCat("known", i), 0, 1, 0);
+  const std::clock_t start = std::clock();
+  const std::string message = FinishMessage(doc);
+  EXPECT_LT(static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC, 5);
+  EXPECT_THAT(message, HasSubstr("rig.toml:2:1: [a] z: is wrong\nrig.toml:3:1: [a] key0: unknown"));
+  EXPECT_EQ(std::count(message.begin(), message.end(), '\n'), 9);
+  EXPECT_THAT(message, HasSubstr(absl::StrCat("\nand ", kCount - 8, " more")));
+  EXPECT_EQ(FinishMessage(doc), message) << "asked again";
 }
 
 TEST(TomlTest, KeysAreNotDeeperThanTheParserCanStand) {

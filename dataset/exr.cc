@@ -54,7 +54,7 @@ absl::StatusOr<Image> ReadExr(const std::string& path, Env& env) {
   // Large files of another kind are not read whole to learn that.
   ASSIGN_OR_RETURN(const std::string head, env.ReadRange(path, 0, kMagic.size()));
   if (head != kMagic) return exr_codec::Corrupt(path, "is no OpenEXR file");
-  ASSIGN_OR_RETURN(std::string bytes, env.ReadFile(path));
+  ASSIGN_OR_RETURN(std::string bytes, ReadNamedFile(path, env));
   return DecodeExr(bytes, path);
 }
 

@@ -28,8 +28,9 @@ constexpr int kMaxExrSide = 32768;
 constexpr uint64_t kMaxExrSamples = uint64_t{1} << 28;  // width · height · channels
 
 // A picture with channels R, G, B or with Y: 3 or 1 channels; others are ignored. Any compression and pixel type. The data window
-// must be the display window: a cropped environment map would be mapped wrongly. `name` stands in messages.
+// must be the display window: a cropped environment map would be mapped wrongly. `name` stands in messages. DATA_LOSS / EXR_CORRUPT, or RESOURCE_EXHAUSTED / MEMORY if there is not enough.
 absl::StatusOr<Image> DecodeExr(std::string_view bytes, std::string_view name);
+// RESOURCE_EXHAUSTED / FILE_TOO_LARGE if the file has more than kLargestInput (base/env.h).
 absl::StatusOr<Image> ReadExr(const std::string& path, Env& env = PosixEnv());
 
 // Image of 1 (Y) or 3 (R, G, B) channels. Half clamps to ±65504. INVALID_ARGUMENT / IMAGE_INVALID for NaN, infinity or other shapes.

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstring>
 #include <exception>
+#include <new>
 #include <stdexcept>
 
 #include "base/status.h"
@@ -208,6 +209,10 @@ absl::Status Read(std::string_view bytes, std::string_view name,
     RETURN_IF_ERROR(CheckSize(file.header().dataWindow(), name));
     if (!file.isComplete()) return Corrupt(name, "the file is incomplete");
     return read(file);
+  } catch (const std::bad_alloc&) {
+    return Error(absl::StatusCode::kResourceExhausted, "MEMORY",
+                 absl::StrCat(name, ": there is not enough memory to read it"),
+                 {{"file", std::string(name)}});
   } catch (const std::exception& e) {
     return Corrupt(name, e.what());
   }

@@ -1,10 +1,13 @@
 #include "dataset/exr.h"
 
 #include <cmath>
+#include <filesystem>
 #include <limits>
+#include <new>
 #include <random>
 
 #include "base/status.h"
+#include "dataset/exr_codec.h"
 #include "gmock/gmock.h"
 #include "gtest/gtest.h"
 
@@ -110,6 +113,23 @@ TEST(ExrTest, FilesComeBackAndErrorsNameThem) {
   EXPECT_THAT(std::string(status.message()), HasSubstr(path));
   ASSERT_TRUE(PosixEnv().Remove(path).ok());
   EXPECT_EQ(ReadExr(path).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST(ExrTest, LargerFilesThanInputsAreRefusedUnread) {
+  const std::string path = ::testing::TempDir() + "lightstage_exr_huge.exr";
+  ASSERT_TRUE(WriteExr(path, TestImage(16, 16, 3), ExrPixelType::kFloat).ok());
+  std::filesystem::resize_file(path, kLargestInput + 1);
+  const absl::Status status = ReadExr(path).status();
+  EXPECT_EQ(ErrorReason(status), "FILE_TOO_LARGE") << status;
+  std::filesystem::remove(path);
+}
+
+TEST(ExrTest, WantOfMemoryIsNoDamage) {
+  const std::string bytes = EncodeExr(TestImage(16, 16, 3), ExrPixelType::kFloat).value();
+  const absl::Status status = exr_codec::Read(
+      bytes, "fine.exr", [](Imf::InputFile&) -> absl::Status { throw std::bad_alloc(); });
+  EXPECT_EQ(ErrorReason(status), "MEMORY") << status;
+  EXPECT_THAT(std::string(status.message()), HasSubstr("fine.exr"));
 }
 
 TEST(ExrTest, EveryTruncationIsDataLoss) {

@@ -4,10 +4,14 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <new>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "CLI/CLI.hpp"
+#include "absl/functional/function_ref.h"
+#include "absl/strings/str_cat.h"
 #include "base/env.h"
 #include "base/failpoint.h"
 #include "base/memory.h"
@@ -41,6 +45,18 @@ absl::StatusOr<std::unique_ptr<RigFile>> LoadRigFile(const std::string& path,
                                                      const DriverRegistry& drivers) {
   ASSIGN_OR_RETURN(std::string text, PosixEnv().ReadInput(path));
   return ParseRigFile(text, path, drivers);
+}
+
+// Runs what throws where memory or threads are short, as opening devices may.
+absl::Status CatchShortage(absl::FunctionRef<absl::Status()> work) {
+  try {
+    return work();
+  } catch (const std::bad_alloc&) {
+    return Error(absl::StatusCode::kResourceExhausted, "MEMORY", "there is not enough memory");
+  } catch (const std::system_error& e) {  // a thread that cannot be started
+    return Error(absl::StatusCode::kResourceExhausted, "SYSTEM",
+                 absl::StrCat("the system does not give what is needed: ", e.what()));
+  }
 }
 
 // Serves until one of `signals` comes.
@@ -108,7 +124,8 @@ int Main(int argc, char** argv) {
   app.add_option(
       "--listen", arguments.listen,
       "unix:PATH or 127.0.0.1:PORT (repeatable; default " + std::string(kDefaultAddress) + ")");
-  app.add_flag("--check", arguments.check, "Check the rig file and exit; touches no device");
+  app.add_flag("--check", arguments.check,
+               "Check the rig file and the simulated scene, and exit; touches no device");
   app.add_flag("--discover", arguments.discover,
                "List what is found on every bus, with lines for a rig file, and exit")
       ->excludes(rig);
@@ -131,13 +148,17 @@ int Main(int argc, char** argv) {
   };
   if (absl::Status points = SetFailpointsFromEnvironment(); !points.ok()) return fail(points);
   DriverRegistry drivers;
-  RegisterBuiltinDrivers(drivers);
+  const std::shared_ptr<sim::Simulation> simulation = RegisterBuiltinDrivers(drivers);
   if (arguments.discover) {
     Discover(drivers, std::cout);
     return 0;
   }
-  auto file = LoadRigFile(arguments.rig_file, drivers);
-  if (!file.ok()) return fail(file.status());
+  std::unique_ptr<RigFile> file;
+  absl::Status loaded = CatchShortage([&]() -> absl::Status {
+    ASSIGN_OR_RETURN(file, LoadRigFile(arguments.rig_file, drivers));
+    return arguments.check ? simulation->CheckScene(file->geometry) : absl::OkStatus();
+  });
+  if (!loaded.ok()) return fail(loaded);
   if (arguments.check) {
     std::cout << arguments.rig_file << ": good\n";
     return 0;
@@ -146,10 +167,13 @@ int Main(int argc, char** argv) {
   const sigset_t signals = EndingSignals();
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
-  // Written by a thread of its own: a terminal that is held up must hold up no rig. If it is held up for long, the oldest lines go.
-  spdlog::set_default_logger(spdlog::create_async_nb<spdlog::sinks::stderr_sink_mt>("lightstaged"));
-  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
-  absl::Status served = Serve(arguments, **file, signals);
+  absl::Status served = CatchShortage([&] {
+    // Written by a thread of its own: a terminal that is held up must hold up no rig. If it is held up for long, the oldest lines go.
+    spdlog::set_default_logger(
+        spdlog::create_async_nb<spdlog::sinks::stderr_sink_mt>("lightstaged"));
+    spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
+    return Serve(arguments, *file, signals);
+  });
   spdlog::shutdown();
   return served.ok() ? 0 : fail(served);
 }

@@ -1,18 +1,19 @@
 #include "sim/render/check_scene.h"
 
-#include <bit>
 #include <cmath>
 
 #include "absl/container/flat_hash_map.h"
 #include "absl/strings/str_format.h"
 #include "base/status.h"
+#include "sim/render/winding.h"
 
 namespace lightstage::sim {
-namespace {
 
 std::string NameOf(const Mesh& mesh, size_t index) {
   return mesh.name.empty() ? absl::StrCat("mesh ", index) : mesh.name;
 }
+
+namespace {
 
 absl::Status Wrong(const std::string& shape, const std::string& what) {
   return Error(absl::StatusCode::kInvalidArgument, "SCENE", absl::StrCat(shape, ": ", what),
@@ -47,14 +48,7 @@ absl::Status CheckMaterial(const Material& m, size_t index) {
 // Every edge of a closed surface has a triangle on either side, which run through it in opposite directions. Vertices at the same
 // place count as one, for creases have several.
 absl::Status CheckClosed(const Mesh& mesh, const std::string& name) {
-  using Place = std::array<uint32_t, 3>;
-  absl::flat_hash_map<Place, uint32_t> places;
-  std::vector<uint32_t> at;
-  for (const Vec3f& v : mesh.vertices) {
-    Place place;
-    for (int c = 0; c < 3; ++c) place[c] = std::bit_cast<uint32_t>(v[c] + 0.0f);  // −0 becomes 0
-    at.push_back(places.try_emplace(place, static_cast<uint32_t>(places.size())).first->second);
-  }
+  const std::vector<uint32_t> at = Places(mesh);
   absl::flat_hash_map<std::pair<uint32_t, uint32_t>, int> edges;  // directed: how often
   for (const auto& t : mesh.triangles) {
     for (int k = 0; k < 3; ++k) ++edges[{at[t[k]], at[t[(k + 1) % 3]]}];

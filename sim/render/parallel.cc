@@ -5,6 +5,8 @@
 #include <climits>
 #include <exception>
 #include <list>
+#include <new>
+#include <system_error>
 #include <thread>
 
 #include "absl/base/thread_annotations.h"
@@ -50,9 +52,14 @@ class Pool {
     std::exception_ptr thrown;  // under mutex_
   };
 
+  // With as many helpers as there may be: whoever calls Run works too.
   Pool() {
     const int cores = static_cast<int>(std::thread::hardware_concurrency());
-    for (int i = 1; i < std::max(cores, 2); ++i) std::thread([this, i] { Help(i); }).detach();
+    try {
+      for (int i = 1; i < std::max(cores, 2); ++i) std::thread([this, i] { Help(i); }).detach();
+    } catch (const std::system_error&) {
+    } catch (const std::bad_alloc&) {
+    }
   }
 
   void Work(Job& job) {

@@ -1,10 +1,13 @@
 // Light against closed forms, and what everybody relies on: superposition, determinism, bounded memory.
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <new>
 #include <numbers>
 #include <random>
@@ -250,6 +253,26 @@ TEST(ForAll, ThrowsWhatABodyThrows) {
       ASSERT_EQ(sum, 4950);
     }
   }
+}
+
+// In a process of its own, whose pool is made when there is no room for a thread's stack.
+TEST(ForAllDeathTest, WorksWhereNoThreadCanBeStarted) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers need memory of their own";
+#endif
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  auto work = [] {
+    long pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    const rlim_t most = static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) +
+                        (rlim_t{1} << 20);
+    const rlimit space{most, most};
+    ::setrlimit(RLIMIT_AS, &space);
+    std::atomic<int> sum{0};
+    ForAll(100, [&](int i) { sum += i; });
+    ::_exit(sum == 4950 ? 7 : 1);
+  };
+  EXPECT_EXIT(work(), testing::ExitedWithCode(7), "");
 }
 
 TEST(Transport, SameBytesForAnyNumberOfThreads) {

@@ -8,9 +8,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "base/status.h"
+#include "sim/render/check_filled.h"
 #include "sim/render/check_scene.h"
 #include "sim/render/kernels.h"
 #include "sim/render/triangles.h"
+#include "sim/render/winding.h"
 
 namespace lightstage::sim {
 namespace {
@@ -32,22 +34,6 @@ void PassMedium(const RTCFilterFunctionNArguments* args) {
     shadow->optical_depth[RTCRayN_id(args->ray, args->N, i)] += leaving > 0 ? depth : -depth;
     args->valid[i] = 0;
   }
-}
-
-// How often the mesh goes around a point: 1 within a closed mesh, 0 outside of it, −1 in a room whose walls face inwards, something in
-// between near an open one (Jacobson, Kavan, Sorkine-Hornung, "Robust Inside-Outside Segmentation using Generalized Winding Numbers",
-// 2013). The solid angles of the triangles after van Oosterom and Strackee, 1983.
-double WindingNumber(const Mesh& mesh, const Eigen::Vector3d& point) {
-  double sum = 0;
-  for (const auto& t : mesh.triangles) {
-    const Eigen::Vector3d a = mesh.vertices[t[0]].cast<double>() - point,
-                          b = mesh.vertices[t[1]].cast<double>() - point,
-                          c = mesh.vertices[t[2]].cast<double>() - point;
-    const double la = a.norm(), lb = b.norm(), lc = c.norm();
-    sum += 2 * std::atan2(a.dot(b.cross(c)),
-                          la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
-  }
-  return sum / (4 * std::numbers::pi);
 }
 
 RTCGeometry MakeBall(RTCDevice device, const Ball& ball) {
@@ -143,13 +129,14 @@ absl::StatusOr<Scene> Scene::Build(SceneDescription description) {
   // Building takes a tenth of a second on one thread, and what comes out does not depend on how many there are.
   scene.device_ = rtcNewDevice("threads=1");
   if (scene.device_ == nullptr) {
-    return Error(absl::StatusCode::kInternal, "EMBREE", "Embree gives no device");
+    return Error(absl::StatusCode::kInternal, "EMBREE",
+                 "Embree gives no device: for want of memory or threads");
   }
   scene.scene_ = rtcNewScene(scene.device_);
   // Rays must not slip through where thin triangles meet.
   rtcSetSceneFlags(scene.scene_, RTC_SCENE_FLAG_ROBUST);
+  RETURN_IF_ERROR(CheckFilled(*scene.description_, scene.device_));
   scene.Attach();
-  RETURN_IF_ERROR(scene.CheckMedia());
   rtcCommitScene(scene.scene_);
   if (RTCError error = rtcGetDeviceError(scene.device_); error != RTC_ERROR_NONE) {
     return Error(absl::StatusCode::kInternal, "EMBREE",
@@ -237,8 +224,7 @@ void Scene::Resolve(const RTCRayHit8& rays, Hits* hits) const {
 
 std::string Scene::NameOf(const Geometry& geometry) const {
   if (geometry.ball != nullptr) return absl::StrCat("ball ", geometry.number);
-  const std::string& name = geometry.mesh->name;
-  return name.empty() ? absl::StrCat("mesh ", geometry.number) : name;
+  return sim::NameOf(*geometry.mesh, geometry.number);
 }
 
 bool Scene::Encloses(const Geometry& geometry, const Vec3f& point) const {
@@ -249,58 +235,6 @@ bool Scene::Encloses(const Geometry& geometry, const Vec3f& point) const {
   const Vec3f own =
       geometry.placement != nullptr ? Vec3f(geometry.placement->inverse() * point) : point;
   return WindingNumber(*geometry.mesh, own.cast<double>()) > 0.5;
-}
-
-bool Scene::Reaches(const Geometry& from, const Geometry& into) const {
-  constexpr int kPlaces = 24;
-  constexpr float kUnder = 1e-4f;  // of its size: shapes that touch do not overlap
-  for (int i = 0; i < kPlaces; ++i) {
-    Vec3f place;
-    if (from.ball != nullptr) {
-      const float z = 1 - (2 * static_cast<float>(i) + 1) / kPlaces,
-                  turn = 2.4f * static_cast<float>(i);
-      const float r = std::sqrt(1 - z * z);
-      place = from.ball->center +
-              (1 - kUnder) * from.ball->radius * Vec3f(r * std::cos(turn), r * std::sin(turn), z);
-    } else {
-      const auto& triangles = from.mesh->triangles;
-      const auto& t = triangles[triangles.size() * i / kPlaces];
-      const auto& vertices = from.mesh->vertices;
-      const Vec3f &a = vertices[t[0]], &b = vertices[t[1]], &c = vertices[t[2]];
-      place = (a + b + c) / 3;
-      Vec3f outward = (b - a).cross(c - a).normalized();
-      if (from.placement != nullptr) {
-        place = *from.placement * place;
-        outward = (from.placement->linear() * outward).normalized();
-      }
-      place -= kUnder * from.box.diagonal().norm() * outward;
-    }
-    if (Encloses(into, place)) return true;
-  }
-  return false;
-}
-
-absl::Status Scene::CheckMedia() const {
-  std::vector<const Geometry*> filled;
-  for (const Geometry& geometry : geometries_) {
-    if (geometry.material->has_inside()) filled.push_back(&geometry);
-  }
-  auto begin = [](const Geometry* g) { return g->box.min().x(); };
-  std::sort(filled.begin(), filled.end(), [&](auto* a, auto* b) { return begin(a) < begin(b); });
-  for (size_t i = 0; i < filled.size(); ++i) {
-    const Geometry& a = *filled[i];
-    for (size_t j = i + 1; j < filled.size() && begin(filled[j]) <= a.box.max().x(); ++j) {
-      const Geometry& b = *filled[j];
-      const bool medium = a.material->kind == Material::Kind::kMedium ||
-                          b.material->kind == Material::Kind::kMedium;
-      if (!medium || !a.box.intersects(b.box) || (!Reaches(a, b) && !Reaches(b, a))) continue;
-      return Error(absl::StatusCode::kInvalidArgument, "SCENE",
-                   absl::StrCat(NameOf(a), " and ", NameOf(b),
-                                " overlap: a medium may not overlap another one or glass"),
-                   {{"shape", NameOf(a)}, {"other", NameOf(b)}});
-    }
-  }
-  return absl::OkStatus();
 }
 
 absl::Status Scene::CheckOutside(const Vec3f& point, const std::string& what) const {

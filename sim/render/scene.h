@@ -63,8 +63,8 @@ struct Material {
     kSurface,  // Lambertian, with a GGX layer if `specular` is not 0 (bsdf.inc): matte, plastic, rough metal
     kMirror,  // reflects `specular` of the light, at every angle
     kGlass,   // smooth and clear, of refractive index `ior`, in a closed shape; Fresnel's equations
-    kMedium,  // fills a closed shape with what scatters light, index-matched: its boundary itself does nothing. Media must not overlap
-              // each other or glass; surfaces may stand in them.
+    kMedium,  // fills a closed shape with what scatters light, index-matched: its boundary itself does nothing. Media must not overlap or
+              // touch each other or glass; surfaces may stand in them.
   };
   // Light goes on within: its shape must be closed.
   bool has_inside() const { return kind == Kind::kGlass || kind == Kind::kMedium; }
@@ -109,8 +109,8 @@ struct SceneDescription {
 class Scene {
  public:
   // INVALID_ARGUMENT / SCENE, naming the shape and its element: an index out of range, a number that is none, a triangle without
-  // an area, glass or a medium in a mesh that is not closed, or a medium that overlaps another one or glass, as far as a few places of
-  // each shape show. INTERNAL / EMBREE if Embree refuses.
+  // an area; glass or a medium in a mesh that is not closed, or that touches itself or goes round a place more than once; a medium that
+  // overlaps or touches another one or glass. INTERNAL / EMBREE if Embree refuses.
   static absl::StatusOr<Scene> Build(SceneDescription description);
   Scene(Scene&& other) noexcept;
   Scene& operator=(Scene&&) = delete;
@@ -153,9 +153,6 @@ class Scene {
     return &geometries_[instance != RTC_INVALID_GEOMETRY_ID ? instance : geometry];
   }
   bool Encloses(const Geometry& geometry, const Vec3f& point) const;
-  // A few places all over `from`, just under its surface, are looked at.
-  bool Reaches(const Geometry& from, const Geometry& into) const;
-  absl::Status CheckMedia() const;
   std::string NameOf(const Geometry& geometry) const;
 
   std::unique_ptr<SceneDescription> description_;  // in one place: Embree points into it

@@ -15,6 +15,7 @@
 #include "sim/rig/sim_camera.h"
 #include "sim/rig/sim_lamps.h"
 #include "sim/rig/sim_projector.h"
+#include "sim/rig/world_scene.h"
 #include "sim/scenes/scenes.h"
 
 namespace lightstage::sim {
@@ -152,11 +153,20 @@ class SharedSimulation final : public Simulation {
   void SetOptions(WorldOptions options) {
     MutexLock lock(&mutex_);
     options_ = std::make_shared<const WorldOptions>(std::move(options));
+    was_read_ = true;
   }
 
   WorldOptions options() const override {
     MutexLock lock(&mutex_);
     return *options_;
+  }
+
+  absl::Status CheckScene(const RigGeometry& geometry) const override {
+    {
+      MutexLock lock(&mutex_);
+      if (!was_read_) return absl::OkStatus();
+    }
+    return MakeWorldScene(options(), geometry).status();
   }
 
   absl::StatusOr<std::shared_ptr<World>> OpenWorld(const RigGeometry& geometry,
@@ -175,6 +185,7 @@ class SharedSimulation final : public Simulation {
   // shared: compared by identity, so that a rig file read anew gets a world of its own.
   std::shared_ptr<const WorldOptions> options_ ABSL_GUARDED_BY(mutex_) =
       std::make_shared<const WorldOptions>();
+  bool was_read_ ABSL_GUARDED_BY(mutex_) = false;
   std::shared_ptr<const WorldOptions> made_of_ ABSL_GUARDED_BY(mutex_);
   std::weak_ptr<World> world_ ABSL_GUARDED_BY(mutex_);
 };

@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "drivers/api/registry.h"
 #include "sim/rig/world.h"
@@ -16,6 +17,9 @@ class Simulation {
 
   // What [simulation] said; the defaults before a rig file was read. Any thread.
   virtual WorldOptions options() const = 0;
+
+  // That the scene of [simulation] can be built on this rig; OK before a rig file with that table was read. Any thread.
+  virtual absl::Status CheckScene(const RigGeometry& geometry) const = 0;
 
   // The world that this rig's simulated devices share; the first call after the last holder went makes a new one. Any thread.
   virtual absl::StatusOr<std::shared_ptr<World>> OpenWorld(const RigGeometry& geometry,

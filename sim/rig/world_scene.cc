@@ -22,8 +22,11 @@ absl::StatusOr<Scene> MakeWorldScene(const WorldOptions& options, const RigGeome
     description.meshes.push_back(std::move(mesh));
   }
   description.materials.emplace_back();  // black
-  ASSIGN_OR_RETURN(Scene scene, Scene::Build(std::move(description)));
-  RETURN_IF_ERROR(scene.CheckOutside(geometry.camera.position.cast<float>(), "the camera"));
+  absl::StatusOr<Scene> scene = Scene::Build(std::move(description));
+  if (!scene.ok()) return Annotate(scene.status(), options.scene);
+  const Vec3f camera = geometry.camera.position.cast<float>();
+  if (absl::Status outside = scene->CheckOutside(camera, "the camera"); !outside.ok())
+    return Annotate(outside, options.scene);
   return scene;
 }
 

@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <fstream>
 
+#include "base/status.h"
 #include "sim/rig/test_rig.h"
 
 namespace lightstage::sim {
@@ -196,6 +198,23 @@ TEST(World, UnknownSceneIsRefused) {
   WorldOptions options;
   options.scene = "nowhere";
   EXPECT_EQ(World::Create(options, Rig(), clock).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST(World, ASceneThatCannotBeBuiltIsNamed) {
+  VirtualClock clock;
+  WorldOptions options;
+  options.scene_directory = testing::TempDir();
+  options.scene = "lightstage_world_test.toml";
+  const std::string file = options.scene_directory + options.scene;
+  const std::string foam = "[material.m]\nkind = \"medium\"\nmean_free_path_m = 0.01\n",
+                    ball = "[[ball]]\nradius_m = 0.05\nmaterial = \"m\"\n";
+  std::ofstream(file) << foam << ball << ball;
+  absl::Status status = World::Create(options, Rig(), clock).status();
+  EXPECT_TRUE(MessageOf(status).starts_with(options.scene)) << status;
+  std::ofstream(file) << foam << "[[ball]]\nradius_m = 10\nmaterial = \"m\"\n";
+  status = World::Create(options, Rig(), clock).status();
+  EXPECT_TRUE(MessageOf(status).starts_with(options.scene)) << status;
+  EXPECT_NE(status.message().find("the camera"), std::string::npos) << status;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <assimp/DefaultLogger.hpp>
 #include <assimp/IOStream.hpp>
 #include <assimp/IOSystem.hpp>
 #include <assimp/Importer.hpp>
@@ -21,19 +22,14 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
-#include "absl/strings/numbers.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "base/status.h"
+#include "sim/scenes/check_mesh_file.h"
 #include "sim/scenes/in_child.h"
 
 namespace lightstage::sim {
 namespace {
-
-absl::Status Wrong(const std::string& path, const std::string& why) {
-  return Error(absl::StatusCode::kInvalidArgument, "MESH", absl::StrCat(path, ": ", why),
-               {{"file", path}});
-}
 
 // glTF names files by URI, where a blank is %20 (RFC 3986, section 2.1).
 std::string Unescaped(const std::string& uri) {
@@ -94,99 +90,6 @@ class FileAndBuffers final : public Assimp::IOSystem {
   mutable std::map<std::string, std::string> files_;
 };
 
-// The importers believe what a file says of itself. What they stumble over is looked for first.
-
-// One element per line, as many as announced, and every face has corners that there are.
-absl::Status CheckOff(const std::string& path, const std::string& bytes) {
-  constexpr size_t kLongestLine = 4000;  // what the importer has room for
-  size_t number = 0, elements = 0;
-  uint64_t vertices = 0, faces = 0;
-  bool counted = false;
-  for (std::string_view rest = bytes; !rest.empty();) {
-    const size_t end = std::min(rest.find('\n'), rest.size());
-    std::string_view line = rest.substr(0, end);
-    rest.remove_prefix(std::min(end + 1, rest.size()));
-    ++number;
-    auto wrong = [&](const std::string& what) {
-      return Wrong(path, absl::StrCat("line ", number, ": ", what));
-    };
-    if (line.size() > kLongestLine) return wrong("is longer than 4000 characters");
-    line = line.substr(0, std::min(line.find('#'), line.size()));
-    std::vector<std::string> words =
-        absl::StrSplit(std::string(line), absl::ByAnyChar(" \t\r"), absl::SkipEmpty());
-    if (!words.empty() && !counted && words[0].ends_with("OFF")) words.erase(words.begin());
-    if (words.empty()) continue;
-    if (!counted) {
-      if (words.size() < 2 || !absl::SimpleAtoi(words[0], &vertices) ||
-          !absl::SimpleAtoi(words[1], &faces)) {
-        return wrong("must have the numbers of vertices and faces");
-      }
-      if (vertices > bytes.size() || faces > bytes.size()) {
-        return wrong(absl::StrCat("announces ", vertices, " vertices and ", faces,
-                                  " faces, more than the file's ", bytes.size(),
-                                  " bytes can hold"));
-      }
-      counted = true;
-      continue;
-    }
-    if (elements >= vertices + faces) break;  // what else there is, is not read
-    if (elements++ < vertices) continue;
-    constexpr uint64_t kMostCorners = 9;  // that the importer takes
-    uint64_t corners = 0;
-    if (!absl::SimpleAtoi(words[0], &corners) || corners < 1 || words.size() <= corners) {
-      return wrong("must have a face: how many corners, then each of them");
-    }
-    if (corners > kMostCorners) {
-      return wrong(absl::StrCat("the face has ", corners, " corners; at most ", kMostCorners,
-                                " can be read from OFF"));
-    }
-    for (uint64_t k = 1; k <= corners; ++k) {
-      uint64_t vertex = 0;
-      if (absl::SimpleAtoi(words[k], &vertex) && vertex < vertices) continue;
-      return wrong(absl::StrCat("the face has the corner ", words[k], "; there are ", vertices,
-                                " vertices"));
-    }
-  }
-  if (!counted || elements < vertices + faces) {
-    return Wrong(path, absl::StrCat("announces ", vertices, " vertices and ", faces,
-                                    " faces, but has only ", elements, " lines for them"));
-  }
-  return absl::OkStatus();
-}
-
-// The faces that a PLY header announces; no more elements than the file can hold.
-absl::StatusOr<uint64_t> CheckPly(const std::string& path, const std::string& bytes) {
-  const size_t end = bytes.find("\nend_header");
-  if (!bytes.starts_with("ply") || end == std::string::npos) {
-    return Wrong(path, "is no PLY file: it must begin with 'ply' and have an 'end_header'");
-  }
-  uint64_t faces = 0, total = 0;
-  bool text = false;
-  for (absl::string_view line : absl::StrSplit(absl::string_view(bytes.data(), end), '\n')) {
-    const std::vector<std::string> words =
-        absl::StrSplit(line, absl::ByAnyChar(" \t\r"), absl::SkipEmpty());
-    if (words.size() > 1 && words[0] == "format") text = words[1] == "ascii";
-    if (words.size() < 3 || words[0] != "element") continue;
-    uint64_t count = 0;
-    if (!absl::SimpleAtoi(words[2], &count) || count > bytes.size()) {
-      return Wrong(path, absl::StrCat("announces ", words[2], " of ", words[1], "; its ",
-                                      bytes.size(), " bytes cannot hold them"));
-    }
-    total += count;
-    if (words[1] == "face") faces = count;
-  }
-  if (text) {
-    const auto lines = static_cast<uint64_t>(
-        std::count(bytes.begin() + static_cast<ptrdiff_t>(end), bytes.end(), '\n'));
-    // The header's own last line, and the last one may lack its end.
-    if (lines + (bytes.back() != '\n') < total + 1) {
-      return Wrong(path, absl::StrCat("announces ", total, " elements, but has only ", lines - 1,
-                                      " lines for them"));
-    }
-  }
-  return faces;
-}
-
 // What the importer has made of it.
 absl::Status CheckImported(const std::string& path, const aiScene& scene) {
   for (unsigned int m = 0; m < scene.mNumMeshes; ++m) {
@@ -194,18 +97,18 @@ absl::Status CheckImported(const std::string& path, const aiScene& scene) {
     for (unsigned int v = 0; v < part.mNumVertices; ++v) {
       const aiVector3D& at = part.mVertices[v];
       if (std::isfinite(at.x) && std::isfinite(at.y) && std::isfinite(at.z)) continue;
-      return Wrong(path, absl::StrCat("vertex ", v, " of part ", m, " is no number"));
+      return WrongMesh(path, absl::StrCat("vertex ", v, " of part ", m, " is no number"));
     }
     for (unsigned int f = 0; f < part.mNumFaces; ++f) {
       const aiFace& face = part.mFaces[f];
       if (face.mIndices == nullptr || face.mNumIndices == 0) {
-        return Wrong(path, absl::StrCat("face ", f, " of part ", m, " has no corners"));
+        return WrongMesh(path, absl::StrCat("face ", f, " of part ", m, " has no corners"));
       }
       for (unsigned int k = 0; k < face.mNumIndices; ++k) {
         if (face.mIndices[k] < part.mNumVertices) continue;
-        return Wrong(path, absl::StrCat("face ", f, " of part ", m, " has the corner ",
-                                        static_cast<int32_t>(face.mIndices[k]), "; there are ",
-                                        part.mNumVertices, " vertices"));
+        return WrongMesh(path, absl::StrCat("face ", f, " of part ", m, " has the corner ",
+                                            static_cast<int32_t>(face.mIndices[k]), "; there are ",
+                                            part.mNumVertices, " vertices"));
       }
     }
   }
@@ -227,6 +130,19 @@ void PassOnBadAlloc(const std::exception_ptr& thrown) {
   }
 }
 
+// The importer of glTF leaves out faces whose corners are out of range or not three, with a warning that they "were dropped".
+class Dropped final : public Assimp::LogStream {
+ public:
+  explicit Dropped(std::string* warning) : warning_(warning) {}
+  void write(const char* line) override {
+    const std::string text(absl::StripAsciiWhitespace(line));  // "Warn,  T0: Some …"
+    if (absl::StrContains(text, "dropped")) *warning_ = text.substr(text.find(": ") + 2);
+  }
+
+ private:
+  std::string* const warning_;
+};
+
 // The importer's part, in the child.
 absl::StatusOr<Mesh> Import(const std::string& path, const std::string& extension,
                             const std::string& bytes, uint64_t faces, Angle crease, Env& env) {
@@ -237,13 +153,22 @@ absl::StatusOr<Mesh> Import(const std::string& path, const std::string& extensio
                             static_cast<float>(crease.degrees()));
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE,
                               aiPrimitiveType_POINT | aiPrimitiveType_LINE);
+  std::string dropped;
+  Assimp::DefaultLogger::create("", Assimp::Logger::NORMAL, 0)
+      ->attachStream(new Dropped(&dropped), Assimp::Logger::Warn);  // which owns it
   const aiScene* scene = importer.ReadFile(path, 0);
+  Assimp::DefaultLogger::kill();
   if (scene != nullptr) {
+    if (!dropped.empty()) return WrongMesh(path, absl::StrCat("cannot be read whole: ", dropped));
     RETURN_IF_ERROR(CheckImported(path, *scene));
     uint64_t read = 0;
-    for (unsigned int m = 0; m < scene->mNumMeshes; ++m) read += scene->mMeshes[m]->mNumFaces;
+    for (unsigned int m = 0; m < scene->mNumMeshes; ++m) {
+      const aiMesh& part = *scene->mMeshes[m];
+      read += std::count_if(part.mFaces, part.mFaces + part.mNumFaces,
+                            [](const aiFace& face) { return face.mNumIndices >= 3; });
+    }
     if (faces > 0 && read != faces) {
-      return Wrong(path, absl::StrCat("announces ", faces, " faces; ", read, " could be read"));
+      return WrongMesh(path, absl::StrCat("has ", faces, " faces; ", read, " could be read"));
     }
     scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_PreTransformVertices |
                                          aiProcess_SortByPType | aiProcess_GenSmoothNormals |
@@ -251,7 +176,7 @@ absl::StatusOr<Mesh> Import(const std::string& path, const std::string& extensio
   }
   if (scene == nullptr) {
     PassOnBadAlloc(importer.GetException());
-    return Wrong(path, absl::StrCat("cannot be read: ", importer.GetErrorString()));
+    return WrongMesh(path, absl::StrCat("cannot be read: ", importer.GetErrorString()));
   }
   const bool y_up = extension == ".gltf" || extension == ".glb";
   Mesh mesh;
@@ -275,7 +200,7 @@ absl::StatusOr<Mesh> Import(const std::string& path, const std::string& extensio
           {first + face.mIndices[0], first + face.mIndices[1], first + face.mIndices[2]});
     }
   }
-  if (mesh.triangles.empty()) return Wrong(path, "has no triangles");
+  if (mesh.triangles.empty()) return WrongMesh(path, "has no triangles");
   return mesh;
 }
 
@@ -327,12 +252,15 @@ absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
       absl::AsciiStrToLower(std::filesystem::path(path).extension().string());
   constexpr std::array kKnown = {".off", ".obj", ".ply", ".gltf", ".glb"};
   if (std::find(kKnown.begin(), kKnown.end(), extension) == kKnown.end()) {
-    return Wrong(path, "must end with .off, .obj, .ply, .gltf or .glb");
+    return WrongMesh(path, "must end with .off, .obj, .ply, .gltf or .glb");
   }
   // A regular file, for the importer would wait for a pipe.
   ASSIGN_OR_RETURN(const std::string bytes, ReadNamedFile(path, env));
   uint64_t faces = 0;
   if (extension == ".off") RETURN_IF_ERROR(CheckOff(path, bytes));
+  if (extension == ".obj") {
+    ASSIGN_OR_RETURN(faces, CheckObj(path, bytes));
+  }
   if (extension == ".ply") {
     ASSIGN_OR_RETURN(faces, CheckPly(path, bytes));
   }
@@ -345,10 +273,10 @@ absl::StatusOr<Mesh> ReadMesh(const std::string& path, Angle crease, Env& env) {
     const std::string why = MessageOf(packed.status());
     return why.starts_with(path)
                ? Error(absl::StatusCode::kInvalidArgument, "MESH", why, {{"file", path}})
-               : Wrong(path, why);
+               : WrongMesh(path, why);
   }
   std::optional<Mesh> mesh = Unpack(*packed);
-  if (!mesh.has_value()) return Wrong(path, "cannot be read: the importer's answer is no mesh");
+  if (!mesh.has_value()) return WrongMesh(path, "cannot be read: the importer's answer is no mesh");
   mesh->name = path;
   return *std::move(mesh);
 }

@@ -165,6 +165,7 @@ class Reader {
     const bool by_size = table.Has("size_m");
     const double size = by_size ? table.Double("size_m", 1e-4, 100) : 0;
     const double scale = by_size ? 1 : table.Double("scale", 1e-6, 1e6, 1);
+    if (by_size && table.Has("scale")) table.ErrorAt("scale", "give size_m or scale, not both");
     const bool stand = table.Bool("stand", true);
     const Eigen::Affine3f placement = Placement(table);
     const int material = MaterialOf(table);

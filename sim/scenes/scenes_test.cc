@@ -130,6 +130,9 @@ TEST_F(SceneFiles, SayWhereTheyAreWrong) {
   ExpectRefused(clay + "[[ball]]\nmaterial = \"clay\"\n", {"radius_m"});
   ExpectRefused(clay + "[[mesh]]\nfile = \"missing.off\"\nmaterial = \"clay\"\n",
                 {"scene.toml:4:1", "missing.off"});
+  ExpectRefused(
+      clay + "[[mesh]]\nfile = \"tetra.off\"\nmaterial = \"clay\"\nsize_m = 1\nscale = 2\n",
+      {"scene.toml:7:1", "size_m or scale, not both"});
   ExpectRefused(clay + "[[mesh]]\nfile = \"scene.toml\"\nmaterial = \"clay\"\n",
                 {".off, .obj, .ply"});
   ExpectRefused("[material.c]\ndiffuse = [1, 1, 1]\n[material.c.texture]\nfile = \"missing.png\"\n",
@@ -238,6 +241,97 @@ TEST_F(SceneFiles, BadMeshesAreRefusedByFileAndElement) {
         "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty "
         "float z\nend_header\n0 0 0\n1 1 1\n");
   ExpectRefused(with("points.ply", grey), {"points.ply"});
+}
+
+// What an importer would pass over or read as something else.
+TEST_F(SceneFiles, MeshFilesThatWouldLoseFacesAreRefused) {
+  auto refuse = [&](const std::string& file, const std::string& text,
+                    const std::vector<std::string>& words) {
+    Write(file, text);
+    ExpectRefused("[material.m]\ndiffuse = [0.5, 0.5, 0.5]\n[[mesh]]\nfile = \"" + file +
+                      "\"\nmaterial = \"m\"\nsize_m = 0.1\n",
+                  words);
+  };
+  const std::string header = R"(ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 4
+property list uchar int vertex_indices
+end_header
+)";
+  const std::string corners = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n", three = "3 0 2 1\n3 0 1 3\n3 1 2 3";
+  const std::string vertices = header + corners;
+  EXPECT_TRUE((Write("good.ply", vertices + "\n" + three + "\n3 0 3 2"),
+               ReadMesh((directory_ / "good.ply").string(), Degrees(60)).ok()));
+  refuse("short.ply", vertices + three, {"short.ply: line 16: truncated", "3 of 4 of face"});
+  refuse("end.ply", vertices + three + "\n", {"end.ply: line 16: truncated"});
+  refuse("middle.ply", vertices + three + "\n3 0",
+         {"middle.ply: line 17", "2 values", "4 of a face"});
+  refuse("blank.ply", vertices + "3 0 2 1\n\n3 0 1 3\n3 1 2 3\n", {"blank.ply: line 17"});
+  refuse("two.ply", header + "0 0\n1 0 0\n0 1 0\n0 0 1\n" + three + "\n3 0 3 2\n",
+         {"two.ply: line 10", "2 values, must have 3 of a vertex"});
+  refuse("many.ply", header + "0 0 0 1 0 0\n0 1 0 0 0 1\n" + three + "\n3 0 3 2\n\n\n\n",
+         {"many.ply: line 10", "6 values"});
+  refuse("word.ply", header + "0 0 x\n1 0 0\n0 1 0\n0 0 1\n" + three + "\n3 0 3 2\n",
+         {"word.ply: line 10", "'x'"});
+  refuse("more.ply", vertices + three + "\n3 0 3 2\n3 0 1 2\n", {"more.ply: line 18", "more than"});
+  refuse("edge.ply", vertices + "2 1 2\n" + three, {"edge.ply: line 14", "2 corners"});
+  refuse("index.ply", vertices + "3 0 1 9\n" + three, {"index.ply: line 14", "corner 9"});
+  refuse("type.ply", "ply\nelement vertex 1\nproperty real x\nend_header\n", {"type.ply: line 3"});
+
+  // The same in bytes.
+  std::string binary = header;
+  binary.replace(binary.find("ascii"), 5, "binary_little_endian");
+  const float places[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+  binary.append(reinterpret_cast<const char*>(places), sizeof(places));
+  for (const std::array<int, 3>& face : {std::array{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}}) {
+    binary += '\3';
+    binary.append(reinterpret_cast<const char*>(face.data()), sizeof(face));
+  }
+  Write("bytes.ply", binary);
+  EXPECT_TRUE(ReadMesh((directory_ / "bytes.ply").string(), Degrees(60)).ok());
+  refuse("none.ply", binary.substr(0, binary.find("header\n") + 7),
+         {"none.ply: truncated", "vertex 0 of 4"});
+  refuse("cut.ply", binary.substr(0, binary.size() - 5), {"cut.ply: truncated", "face 3 of 4"});
+  refuse("rest.ply", binary + "rest", {"rest.ply", "4 bytes more"});
+
+  const std::string points = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
+  EXPECT_TRUE((Write("good.obj", points + "f 1 3 2 \\\n 4\nvn 0 0 1\nf -4//-1 2//1 3//1\nl 1 2\n"),
+               ReadMesh((directory_ / "good.obj").string(), Degrees(60)).ok()));
+  refuse("cut.obj", points + "f 1 3 2\nf 1 4", {"cut.obj: line 6", "2 corners"});
+  refuse("few.obj", points + "f 1 3 2\nf\nf 1 2 4", {"few.obj: line 6", "0 corners"});
+  refuse("index.obj", points + "f 1 3 2\nf 2 3 9\nf 1 4 3\n", {"index.obj: line 6", "vertex 9"});
+  refuse("below.obj", points + "f 1 3 -5\n", {"below.obj: line 5", "vertex -5"});
+  refuse("zero.obj", points + "f 0 3 2\n", {"zero.obj: line 5", "'0'"});
+  refuse("word.obj", points + "f x y z\n", {"word.obj: line 5", "'x'"});
+  refuse("normal.obj", points + "vn 0 0 1\nf 1//7 3//1 2//1\n", {"normal.obj: line 6", "normal 7"});
+  refuse("uv.obj", points + "vt 0 0\nf 1/9 3/1 2/1\n", {"uv.obj: line 6", "texture coordinate 9"});
+
+  refuse("indented.obj", points + "f 1 3 2\n f 1 2 4\n", {"indented.obj", "has 2 faces; 1 could"});
+  refuse("edge.off", "OFF\n4 2 0\n" + corners + "3 0 2 1\n2 1 2\n",
+         {"edge.off: line 8", "2 corners"});
+
+  // A tetrahedron's faces, of which one refers to vertex 9, or `vertices` and `indices` are too few.
+  auto gltf = [](int vertices, int indices, const char* last) {
+    return absl::StrCat(
+        R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+    "meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}],
+    "accessors":[{"bufferView":0,"componentType":5126,"count":)",
+        vertices, R"(,"type":"VEC3"},{"bufferView":1,"componentType":5123,"count":)", indices,
+        R"(,"type":"SCALAR"}],
+    "bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":24}],
+    "buffers":[{"byteLength":72,"uri":"data:application/octet-stream;base64,)",
+        "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAACAAEAAAABAAMAAQACA",
+        last, R"("}]})");
+  };
+  Write("good.gltf", gltf(4, 12, "AMAAAADAAIA"));
+  EXPECT_TRUE(ReadMesh((directory_ / "good.gltf").string(), Degrees(60)).ok());
+  refuse("index.gltf", gltf(4, 12, "AkAAAADAAIA"), {"index.gltf", "out-of-range"});
+  refuse("vertices.gltf", gltf(3, 12, "AMAAAADAAIA"), {"vertices.gltf", "out-of-range"});
+  refuse("indices.gltf", gltf(4, 11, "AMAAAADAAIA"), {"indices.gltf", "dropped"});
 }
 
 // One quad in every format, with texture coordinates where the format has them.
@@ -373,8 +467,10 @@ TEST_F(SceneFiles, MediaThatOverlapAreRefused) {
                     "[[mesh]]\nfile = \"tetra.off\"\nmaterial = \"foam\"\nsize_m = 0.1\n"
                     "[[mesh.copy]]\n[[mesh.copy]]\nposition_m = [0.01, 0, 0]\n",
                 {"tetra.off and ", "tetra.off overlap"});
-  for (const std::string& good : {ball("clay", 0.02, 0.03), ball("foam", 0.2, 0.1),
-                                  box("milk", 0.15), ball("glass", 0.25, 0.1)}) {
+  ExpectRefused(foam + ball("foam", 0.2, 0.1), {"ball 0 and ball 1", "touch", "leave a gap"});
+  ExpectRefused(foam + box("milk", 0.15), {"ball 0 and box 0", "leave a gap"});
+  for (const std::string& good : {ball("clay", 0.02, 0.03), ball("foam", 0.201, 0.1),
+                                  box("milk", 0.151), ball("glass", 0.25, 0.1)}) {
     auto description = Load(foam + good);
     ASSERT_TRUE(description.ok()) << description.status();
     const absl::Status built = Scene::Build(*std::move(description)).status();

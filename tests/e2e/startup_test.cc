@@ -143,6 +143,37 @@ TEST(Startup, CheckReadsTheRigFileAndTouchesNothing) {
   EXPECT_TRUE(Says(bad.err, "max_speed")) << bad.err;
 }
 
+TEST(Startup, CheckBuildsTheScene) {
+  TestFolder folder;
+  WriteText(folder / "scene.toml",
+            "[material.m]\nkind = \"medium\"\nmean_free_path_m = 0.01\n"
+            "[[ball]]\nradius_m = 0.05\nmaterial = \"m\"\n"
+            "[[ball]]\ncenter_m = [0.09, 0, 0]\nradius_m = 0.05\nmaterial = \"m\"\n");
+  WriteText(folder / "rig.toml",
+            Replaced(SmallRig(), "scene = \"default\"", "scene = \"scene.toml\""));
+  for (const char* how : {"--check", "--data"}) {
+    std::vector<std::string> arguments = {"--rig", folder / "rig.toml", how};
+    if (std::string(how) == "--data") arguments.push_back(folder / "data");
+    Answer answer = RunDaemon(folder, arguments);
+    EXPECT_EQ(answer.code, 1) << how;
+    EXPECT_TRUE(Says(answer.err, "scene.toml: ball 0 and ball 1 overlap")) << answer.err;
+  }
+}
+
+// There is no room for the stack of a single one.
+TEST(Startup, WantOfThreadsIsSaid) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers need memory of their own";
+#endif
+  TestFolder folder;
+  WriteText(folder / "rig.toml", SmallRig());
+  Process process({"/bin/sh", "-c", "ulimit -s 4000000 && ulimit -v 2000000 && exec \"$0\" \"$@\"",
+                   DaemonProgram(), "--rig", folder / "rig.toml", "--data", folder / "data"},
+                  folder / "short");
+  EXPECT_EQ(process.Wait(Milliseconds(20000)), 1) << process.err();
+  EXPECT_TRUE(Says(process.err(), "lightstaged: the system does not give")) << process.err();
+}
+
 TEST(Startup, ABadRigFileIsRefusedWithItsPlace) {
   TestFolder folder;
   struct Case {

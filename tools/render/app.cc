@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <new>
+#include <system_error>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
@@ -118,10 +119,8 @@ absl::StatusOr<AddLight> LightOf(const Flags& flags, const Scene& scene,
       Add(Illuminate(scene, paths, *light), share, sum);
     };
   }
-  ASSIGN_OR_RETURN(Image picture, ReadExr(flags.environment));
-  auto map = EnvironmentMap::FromImage(std::move(picture));
-  if (!map.ok()) return Annotate(map.status(), flags.environment);
-  auto light = std::make_shared<EnvironmentLight>(*map, Degrees(flags.rotate_deg));
+  ASSIGN_OR_RETURN(const EnvironmentMap map, ReadEnvironmentMap(flags.environment));
+  auto light = std::make_shared<EnvironmentLight>(map, Degrees(flags.rotate_deg));
   if (light->IsBlack()) {
     return Error(absl::StatusCode::kInvalidArgument, "ENVIRONMENT_BLACK",
                  absl::StrCat(flags.environment, ": is black: no pixel is above 0"));
@@ -190,8 +189,29 @@ absl::Status CheckFlags(const Flags& flags) {
     RETURN_IF_ERROR(CheckOutput(flags.png));
     if (SamePlace(flags.png, flags.out)) return Usage("--out and --png are the same file");
   }
-  if (!flags.environment.empty() && SamePlace(flags.environment, flags.out)) {
-    return Usage("--out would replace the --environment");
+  return absl::OkStatus();
+}
+
+// The files that the command line and the rig file name.
+std::vector<std::string> InputsOf(const Flags& flags, const WorldOptions& options) {
+  namespace fs = std::filesystem;
+  std::vector<std::string> inputs = {flags.rig,
+                                     (fs::path(options.scene_directory) / options.scene).string()};
+  if (!flags.environment.empty()) inputs.push_back(flags.environment);
+  std::error_code failed;  // then there is nothing to replace, which whoever reads it says
+  if (!flags.light_field.empty()) {
+    for (fs::directory_iterator it(flags.light_field, failed), end; it != end; it.increment(failed))
+      inputs.push_back(it->path().string());
+  }
+  return inputs;
+}
+
+absl::Status CheckReplacesNone(const Flags& flags, const std::vector<std::string>& inputs) {
+  for (const auto& [name, file] : {std::pair("--out", flags.out), std::pair("--png", flags.png)}) {
+    for (const std::string& input : inputs) {
+      if (file.empty() || !SamePlace(file, input)) continue;
+      return Usage(absl::StrCat(name, " would replace ", input, ", which is read"));
+    }
   }
   return absl::OkStatus();
 }
@@ -207,6 +227,7 @@ absl::Status Render(const Flags& flags, std::ostream& out, std::ostream& err, bo
     options.scene = flags.scene;
     options.scene_directory = "";
   }
+  RETURN_IF_ERROR(CheckReplacesNone(flags, InputsOf(flags, options)));
   int width = rig->camera_options.config.width, height = rig->camera_options.config.height;
   if (!flags.size.empty()) RETURN_IF_ERROR(ParseSize(flags.size, &width, &height));
 
@@ -319,6 +340,9 @@ int RunApp(const std::vector<std::string>& arguments, std::ostream& out, std::os
   } catch (const std::bad_alloc&) {
     rendered = Error(absl::StatusCode::kResourceExhausted, "MEMORY",
                      "there is not enough memory: make the picture or --bounces smaller");
+  } catch (const std::system_error& e) {  // a thread that cannot be started
+    rendered = Error(absl::StatusCode::kResourceExhausted, "SYSTEM",
+                     absl::StrCat("the system does not give what is needed: ", e.what()));
   }
   if (rendered.ok()) return 0;
   err << "lightstage-render: " << MessageOf(rendered) << "\n";

@@ -1,5 +1,8 @@
 #include "tools/render/app.h"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -147,6 +150,88 @@ TEST(RenderApp, NumbersThatAreNoneAndFilesThatAreOneAreRefused) {
     EXPECT_NE(result.code, 0) << bad;
     EXPECT_THAT(result.err, HasSubstr(bad));
     EXPECT_THAT(RunRender({"--rig", kRig, "--environment", bad, "--out", out}).err, HasSubstr(bad));
+  }
+}
+
+TEST(RenderApp, WhatIsReadIsNotReplaced) {
+  const std::filesystem::path folder = Path("inputs");
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder / "field");
+  auto in = [&](const char* name) { return (folder / name).string(); };
+  std::ofstream(in("scene.toml")) << "[[ball]]\nradius_m = 0.05\nmaterial = \"m\"\n"
+                                     "[material.m]\ndiffuse = [1, 1, 1]\n";
+  std::filesystem::copy_file(kRig, in("rig.toml"));
+  std::ofstream(in("field/light_field.toml"))
+      << "columns = 1\nrows = 1\norigin_m = [0, 0, 0]\nu_m = [1, 0, 0]\nv_m = [0, 1, 0]\n";
+  for (const char* map : {"map.exr", "field/0-0.exr"}) {
+    ASSERT_TRUE(WriteExr(in(map), Image(8, 4, 3, 1.0f), ExrPixelType::kFloat).ok());
+  }
+  std::filesystem::create_symlink("scene.toml", in("link.exr"));
+  const auto refused = [&](const std::string& option, const char* input,
+                           const std::vector<std::string>& light) {
+    std::vector<std::string> arguments = {in("scene.toml"), "--rig", in("rig.toml"), "--spp",
+                                          "1000000"};
+    if (option == "--png") arguments.insert(arguments.end(), {"--out", in("new.exr")});
+    arguments.insert(arguments.end(), {option, in(input)});
+    arguments.insert(arguments.end(), light.begin(), light.end());
+    const Result result = RunRender(arguments);
+    EXPECT_EQ(result.code, 2) << input;
+    EXPECT_THAT(result.err, HasSubstr(option + " would replace ")) << input;
+  };
+  for (const char* option : {"--out", "--png"}) {
+    for (const char* input : {"scene.toml", "rig.toml", "link.exr"})
+      refused(option, input, {"--lamp", "1"});
+    refused(option, "map.exr", {"--environment", in("map.exr")});
+    for (const char* input : {"field/0-0.exr", "field/light_field.toml"})
+      refused(option, input, {"--incident-light-field", in("field")});
+  }
+}
+
+TEST(RenderApp, MapsBrighterThanAPictureCanHoldAreRefused) {
+  const std::filesystem::path folder = Path("bright");
+  std::filesystem::create_directories(folder);
+  const std::string map = (folder / "0-0.exr").string(), out = Path("bright.exr");
+  Image image(8, 4, 3, 1.0f);
+  image.at(5, 2, 1) = 3.4e38f;
+  ASSERT_TRUE(WriteExr(map, image, ExrPixelType::kFloat).ok());
+  std::ofstream(folder / "light_field.toml")
+      << "columns = 1\nrows = 1\norigin_m = [0, 0, 0]\nu_m = [1, 0, 0]\nv_m = [0, 1, 0]\n";
+  for (const std::vector<std::string>& light :
+       {std::vector<std::string>{"--environment", map},
+        std::vector<std::string>{"--incident-light-field", folder.string()}}) {
+    std::vector<std::string> arguments = {"--rig",  kRig,  "--spp", "1",
+                                          "--size", "8x8", "--out", out};
+    arguments.insert(arguments.end(), light.begin(), light.end());
+    const Result result = RunRender(arguments);
+    EXPECT_EQ(result.code, 1);
+    EXPECT_THAT(result.err, HasSubstr(map + ": pixel (5, 2) is 3.4e+38"));
+  }
+  image.at(5, 2, 1) = 1e30f;
+  ASSERT_TRUE(WriteExr(map, image, ExrPixelType::kFloat).ok());
+  const Result result =
+      RunRender({"--rig", kRig, "--environment", map, "--spp", "4", "--size", "8x8", "--out", out});
+  EXPECT_EQ(result.code, 0) << result.err;
+}
+
+// In processes of their own, with so much more memory than they have taken already.
+TEST(RenderAppDeathTest, WantOfMemoryOrThreadsIsSaid) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers need memory of their own";
+#endif
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  auto render = [](rlim_t more) {
+    long pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    const rlim_t most =
+        static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) + more;
+    const rlimit space{most, most};
+    ::setrlimit(RLIMIT_AS, &space);
+    const Result result = RunRender({"--rig", kRig, "--lamp", "12", "--spp", "1", "--size", "64x48",
+                                     "--out", Path("short.exr")});
+    ::_exit(result.code == (result.err.empty() ? 0 : 1) ? 7 : 1);
+  };
+  for (rlim_t megabytes : {1, 10, 30, 60, 120}) {
+    EXPECT_EXIT(render(megabytes << 20), testing::ExitedWithCode(7), "") << megabytes;
   }
 }
 

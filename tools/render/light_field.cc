@@ -1,6 +1,9 @@
 #include "tools/render/light_field.h"
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -20,6 +23,25 @@ Vec3 ToVec(const std::vector<double>& v) {
 
 }  // namespace
 
+absl::StatusOr<EnvironmentMap> ReadEnvironmentMap(const std::string& file) {
+  ASSIGN_OR_RETURN(const Image picture, ReadExr(file));
+  // The picture's pixels, sums of what comes from the map, must be numbers that its file can hold.
+  constexpr float kBrightest = 1e30f;
+  const std::span<const float> values = picture.pixels();
+  const auto bright =
+      std::find_if(values.begin(), values.end(), [](float v) { return v > kBrightest; });
+  if (bright != values.end() && std::isfinite(*bright)) {
+    const auto pixel = static_cast<int>((bright - values.begin()) / picture.channels());
+    return Error(
+        absl::StatusCode::kInvalidArgument, "ENVIRONMENT_INVALID",
+        absl::StrFormat("%s: pixel (%d, %d) is %g W/(m²·sr); at most %g can be rendered", file,
+                        pixel % picture.width(), pixel / picture.width(), *bright, kBrightest));
+  }
+  auto map = EnvironmentMap::FromImage(picture);
+  if (!map.ok()) return Annotate(map.status(), file);
+  return map;
+}
+
 absl::StatusOr<IncidentLightField> ReadLightField(const std::string& directory) {
   const std::filesystem::path folder(directory);
   const std::string index = (folder / "light_field.toml").string();
@@ -38,24 +60,22 @@ absl::StatusOr<IncidentLightField> ReadLightField(const std::string& directory) 
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       const std::string file = (folder / absl::StrCat(row, "-", column, ".exr")).string();
-      ASSIGN_OR_RETURN(Image picture, ReadExr(file));
-      auto map = EnvironmentMap::FromImage(std::move(picture));
-      if (!map.ok()) return Annotate(map.status(), file);
+      ASSIGN_OR_RETURN(EnvironmentMap map, ReadEnvironmentMap(file));
       if (!maps.empty() &&
-          (map->width() != maps.front().width() || map->height() != maps.front().height())) {
+          (map.width() != maps.front().width() || map.height() != maps.front().height())) {
         return Error(
             absl::StatusCode::kInvalidArgument, "LIGHT_FIELD",
-            absl::StrCat(file, ": is ", map->width(), " x ", map->height(), " pixels, must be ",
+            absl::StrCat(file, ": is ", map.width(), " x ", map.height(), " pixels, must be ",
                          maps.front().width(), " x ", maps.front().height(), " like 0-0.exr"));
       }
-      const double bytes = 12.0 * map->width() * map->height() * columns * rows;
+      const double bytes = 12.0 * map.width() * map.height() * columns * rows;
       if (constexpr double kMostBytes = 2e9; bytes > kMostBytes) {
         return Error(
             absl::StatusCode::kResourceExhausted, "MEMORY",
             absl::StrFormat("%s: %d x %d maps like %s take %.1f GB, at most %.1f GB are used",
                             directory, columns, rows, file, bytes / 1e9, kMostBytes / 1e9));
       }
-      maps.push_back(*std::move(map));
+      maps.push_back(std::move(map));
     }
   }
   IncidentLightField field(std::move(maps), columns, rows, origin, u, v);

@@ -1,12 +1,16 @@
-// Incident light fields from a folder.
+// Environment maps, and incident light fields from a folder.
 #pragma once
 
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "optics/environment_map.h"
 #include "sim/render/environment_light.h"
 
 namespace lightstage::sim {
+
+// INVALID_ARGUMENT / ENVIRONMENT_INVALID naming the file and its pixel, if it shines brighter than can be computed with.
+absl::StatusOr<EnvironmentMap> ReadEnvironmentMap(const std::string& file);
 
 // DIR/light_field.toml says where the grid stands, in the object frame, and DIR/ROW-COLUMN.exr are its environment maps:
 //   columns = 5                  # 1 to 64
