@@ -110,6 +110,8 @@ void GigeCameraServer::LosePackets(double ratio) {
 }
 
 GigeCameraServer::~GigeCameraServer() {
+  // The exposure in progress gives no picture, and what is sent in its place is not to arrive.
+  if (camera_ != nullptr) LosePackets(1);
   stopping_ = true;
   world_->clock().Notify();
   if (camera_) g_object_unref(camera_);  // joins its thread
