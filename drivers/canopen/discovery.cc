@@ -104,17 +104,20 @@ class Scan {
 absl::StatusOr<std::vector<FoundNode>> ScanNodes(CanPort& port, Clock& clock, Duration patience) {
   constexpr ObjectAddress kDeviceType{0x1000, 0};
   Scan scan(port, clock);
-  for (int node = 1; node <= kMaxNode; ++node) {
-    RETURN_IF_ERROR(scan.Ask(node, EncodeUpload(kDeviceType)));
-  }
   std::map<int, uint32_t> types;
-  const TimePoint deadline = clock.Now() + patience;
-  while (true) {
-    ASSIGN_OR_RETURN(const auto answer, scan.Answer(deadline));
-    if (!answer.has_value()) break;
-    const auto& [node, reply] = *answer;
-    if (reply.kind != Kind::kUpload || reply.object != kDeviceType) continue;
-    types[node] = LittleEndian(reply.bytes());
+  // Twice, for so many questions at once are more than some controllers hold.
+  for (int round = 0; round < 2; ++round) {
+    for (int node = 1; node <= kMaxNode; ++node) {
+      if (types.count(node) == 0) RETURN_IF_ERROR(scan.Ask(node, EncodeUpload(kDeviceType)));
+    }
+    const TimePoint deadline = clock.Now() + patience / 2;
+    while (true) {
+      ASSIGN_OR_RETURN(const auto answer, scan.Answer(deadline));
+      if (!answer.has_value()) break;
+      const auto& [node, reply] = *answer;
+      if (reply.kind != Kind::kUpload || reply.object != kDeviceType) continue;
+      types[node] = LittleEndian(reply.bytes());
+    }
   }
   std::vector<FoundNode> found;
   for (const auto& [node, type] : types) {

@@ -31,6 +31,10 @@ constexpr char kMount[] = "/dev/lightstage_dmx_ffs";
 constexpr char kInstance[] = "lightstage_dmx";
 constexpr char kController[] = "dummy_udc.0";
 
+// FTDI_SIO_SET_DATA and its break bit (ftdi_sio.h).
+constexpr uint8_t kSetData = 4;
+constexpr uint16_t kBreak = 0x4000;
+
 absl::Status Failed(std::string_view doing, std::string_view what) {
   return Error(
       absl::StatusCode::kUnavailable, "PEER_NOT_STARTED",
@@ -143,7 +147,19 @@ FtdiGadget::~FtdiGadget() {
 
 absl::Status FtdiGadget::Attach(bool in) { return Write("UDC", in ? kController : "\n"); }
 
+// A host need not send any, so not for ever.
+void FtdiGadget::AwaitBytes() {
+  RealClock clock;
+  const TimePoint give_up = clock.Now() + milliseconds(100);
+  MutexLock lock(&mutex_);
+  for (Duration left; awaited_ && (left = give_up - clock.Now()) > Duration::zero();) {
+    arrived_.WaitFor(&mutex_, left);
+  }
+  awaited_ = false;
+}
+
 void FtdiGadget::Answer(const usb_ctrlrequest& setup) {
+  AwaitBytes();
   if (log_) {
     log_(absl::StrFormat("request %02x %02x value %04x index %04x length %d", setup.bRequestType,
                          setup.bRequest, setup.wValue, setup.wIndex, setup.wLength));
@@ -158,6 +174,8 @@ void FtdiGadget::Answer(const usb_ctrlrequest& setup) {
     if (got.ok()) length = static_cast<ssize_t>(*got);
   } else if (chip_->Control(request, seconds(1)).ok()) {
     length = 0;
+    MutexLock lock(&mutex_);
+    awaited_ = request.request == kSetData && (request.value & kBreak) == 0;
   }
   // Going the other way than the request stalls it.
   const ssize_t done =
@@ -202,10 +220,14 @@ void FtdiGadget::Receive() {
     if (count > 0) {
       if (log_) {
         const absl::string_view bytes(reinterpret_cast<const char*>(packet.data()),
-                                     static_cast<size_t>(count));
+                                      static_cast<size_t>(count));
         log_(absl::StrCat("bytes ", count, " ", absl::BytesToHexString(bytes)));
       }
       (void)chip_->BulkOut(std::span(packet).first(static_cast<size_t>(count)), seconds(1));
+      if (static_cast<size_t>(count) == packet.size()) continue;
+      MutexLock lock(&mutex_);  // a short packet ends a transfer
+      awaited_ = false;
+      arrived_.SignalAll();
     } else {
       SleepFor(clock, milliseconds(5));  // not plugged in
     }

@@ -2,7 +2,8 @@
 // speaks usbfs finds it. As root; before: modprobe dummy_hcd is_high_speed=0 (the driver counts on packets of 64 bytes, as an FT232R has
 // them), libcomposite and usb_f_fs, and configfs mounted on /sys/kernel/config.
 //
-// Requests reach the device in order, and so do bytes; between the two lies what it takes to wake a thread. The IN endpoint gives nothing.
+// Requests and bytes come from the kernel by two ways, each in order. What orders one after the other is that after the end of a break no
+// request is served before the bytes are there that the host has sent meanwhile. The IN endpoint gives nothing.
 #pragma once
 
 #include <atomic>
@@ -11,7 +12,9 @@
 #include <string>
 #include <thread>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
+#include "base/mutex.h"
 #include "sim/peers/dmx/usb_device.h"
 
 struct usb_ctrlrequest;  // linux/usb/ch9.h
@@ -40,11 +43,16 @@ class FtdiGadget {
   void Serve();    // requests
   void Receive();  // bytes
   void Answer(const usb_ctrlrequest& setup);
+  void AwaitBytes();
 
   std::shared_ptr<SimUsbDevice> device_;  // with the rig's peer
   std::unique_ptr<dmx::UsbPort> chip_;
   std::function<void(const std::string&)> log_;
   std::atomic<bool> quit_{false}, enabled_{false};
+  Mutex mutex_;
+  CondVar arrived_;
+  bool awaited_ ABSL_GUARDED_BY(mutex_) =
+      false;  // a break has ended and no whole transfer came since
   int ep0_ = -1, out_ = -1;
   std::thread requests_, bytes_;
 };
