@@ -25,7 +25,7 @@ absl::StatusOr<std::unique_ptr<Camera>> AravisCamera::Open(const AravisOptions& 
   info.identity = {context.name, "aravis", absl::StrCat(caps.vendor, " ", caps.model), caps.serial};
   info.sensor_width = caps.width.max;
   info.sensor_height = caps.height.max;
-  for (const AravisCapabilities::Format& f : caps.formats) info.formats.push_back(f.format);
+  for (const GenicamFormat& f : caps.formats) info.formats.push_back(f.format);
   info.min_exposure = caps.min_exposure;
   info.max_exposure = caps.max_exposure;
   info.exposure_step = caps.exposure_step;

@@ -2,8 +2,11 @@
 #include "drivers/aravis/aravis_camera.h"
 
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 
 #include <optional>
+#include <sstream>
 
 #include "drivers/aravis/driver.h"
 #include "drivers/aravis/fake_camera_process.h"
@@ -103,6 +106,21 @@ class AravisCameraTest : public testing::Test {
   std::unique_ptr<Camera> camera_;
 };
 
+// What is logged while it lives.
+class Log {
+ public:
+  Log() : before_(spdlog::default_logger()) {
+    spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+        "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(text_)));
+  }
+  ~Log() { spdlog::set_default_logger(before_); }
+  std::string text() const { return text_.str(); }
+
+ private:
+  std::ostringstream text_;
+  const std::shared_ptr<spdlog::logger> before_;
+};
+
 constexpr CameraConfig kSmall{PixelFormat::kMono8, 160, 120, 0};
 
 // The fake camera's picture: a diagonal ramp (x + y + frame id) mod 255 at 10 ms and gain 0.
@@ -178,6 +196,21 @@ TEST_F(AravisCameraTest, VirtualTimeIsRefused) {
 }
 
 // Lost packets make frames fail, never wrong; and the camera stays usable.
+TEST_F(AravisCameraTest, StreamsThatLosePacketsAreToldInTheLog) {
+  Log log;
+  Start(/*lost_per_mille=*/100);
+  ASSERT_TRUE(Open(Options()).ok());
+  absl::Status ready = Ready(kSmall);
+  ASSERT_TRUE(ready.ok()) << ready;
+  for (int i = 0; i < 200; ++i) {
+    absl::StatusOr<Frame> frame = Take(milliseconds(10), seconds(1));
+    if (ErrorReason(frame.status()) == "FRAME_INCOMPLETE") break;
+  }
+  camera_.reset();
+  EXPECT_NE(log.text().find("camera: the stream loses data: "), std::string::npos) << log.text();
+  EXPECT_NE(log.text().find("camera: the stream ends: "), std::string::npos) << log.text();
+}
+
 TEST_F(AravisCameraTest, LostPacketsAreRetakeableErrorsNeverBadFrames) {
   Start(/*lost_per_mille=*/40);
   ASSERT_TRUE(Open(Options()).ok());

@@ -1,11 +1,12 @@
 #include "drivers/aravis/link.h"
 
 #include <arv.h>
+#include <spdlog/spdlog.h>
 
 #include <cmath>
-#include <cstring>
 
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 
 namespace lightstage {
 namespace {
@@ -91,6 +92,20 @@ absl::Status AravisLink::Check(const _GError* error, std::string_view operation)
   return Error(
       code, reason, absl::StrFormat("%s: %s failed: %s", name_, operation, error->message),
       {{"device", name_}, {"operation", std::string(operation)}, {"detail", error->message}});
+}
+
+absl::Status AravisLink::Unsuitable(const std::string& message) const {
+  return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+               absl::StrCat(name_, ": ", message), {{"device", name_}});
+}
+
+std::vector<std::string> AravisLink::Choices(const char* feature) const {
+  guint count = 0;
+  const char** names =
+      arv_camera_dup_available_enumerations_as_strings(camera_, feature, &count, nullptr);
+  std::vector<std::string> choices(names, names + count);
+  g_free(names);
+  return choices;
 }
 
 std::vector<Discovered> DiscoverAravis() {
@@ -209,13 +224,10 @@ absl::Status AravisLink::Prepare() {
   arv_camera_stop_acquisition(camera_, error.out());
   RETURN_IF_ERROR(Check(error.get(), "stopping the acquisition"));
   if (!arv_camera_is_software_trigger_supported(camera_, nullptr)) {
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrCat(name_, ": the camera has no software trigger"), {{"device", name_}});
+    return Unsuitable("the camera has no software trigger");
   }
   if (!arv_camera_is_exposure_time_available(camera_, nullptr)) {
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrCat(name_, ": the camera's exposure time can not be set"),
-                 {{"device", name_}});
+    return Unsuitable("the camera's exposure time can not be set");
   }
   if (arv_camera_is_exposure_auto_available(camera_, nullptr)) {
     arv_camera_set_exposure_time_auto(camera_, ARV_AUTO_OFF, error.out());
@@ -239,23 +251,27 @@ absl::Status AravisLink::Prepare() {
   return Check(error.get(), "setting the acquisition mode");
 }
 
-absl::Status AravisLink::ReadCapabilities() {
+absl::Status AravisLink::ReadFormats() {
   GErrorSlot error;
-  AravisCapabilities& caps = capabilities_;
-
   unsigned int count = 0;
   gint64* codes = arv_camera_dup_available_pixel_formats(camera_, &count, error.out());
   RETURN_IF_ERROR(Check(error.get(), "reading the pixel formats"));
   std::vector<uint32_t> offered(codes, codes + count);
   g_free(codes);
-  caps.formats = UsableFormats(offered);
-  if (caps.formats.empty()) {
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrCat(name_,
-                              ": none of the camera's pixel formats can be used; wanted are "
-                              "unpacked Mono, Bayer or RGB of 8 to 16 bits"),
-                 {{"device", name_}});
-  }
+  capabilities_.formats = UsableFormats(offered, options_.pixel_format);
+  if (!capabilities_.formats.empty()) return absl::OkStatus();
+  const std::string has = absl::StrJoin(Choices("PixelFormat"), ", ");
+  return Unsuitable(options_.pixel_format.empty()
+                        ? absl::StrCat("none of the camera's pixel formats can be used: it has ",
+                                       has, "; wanted are Mono, Bayer or RGB of 8 to 16 bits")
+                        : absl::StrFormat("PixelFormat %s is asked for; the camera has %s",
+                                          options_.pixel_format, has));
+}
+
+absl::Status AravisLink::ReadCapabilities() {
+  RETURN_IF_ERROR(ReadFormats());
+  GErrorSlot error;
+  AravisCapabilities& caps = capabilities_;
 
   bool offsets = arv_camera_is_region_offset_available(camera_, nullptr);
   gint low = 0, high = 0;
@@ -305,7 +321,7 @@ absl::Status AravisLink::ReadGain() {
 absl::StatusOr<CameraConfig> AravisLink::Configure(const CameraConfig& config) {
   GErrorSlot error;
   const AravisCapabilities& caps = capabilities_;
-  const AravisCapabilities::Format* format = caps.Find(config.format);
+  const GenicamFormat* format = caps.Find(config.format);
   arv_camera_set_pixel_format(camera_, format->code, error.out());
   RETURN_IF_ERROR(Check(error.get(), "setting the pixel format"));
 
@@ -408,6 +424,7 @@ absl::Status AravisLink::StartStream(const CameraConfig& config, TimePoint deadl
   ++session_;
   config_ = config;
   last_frame_id_.reset();
+  counts_log_.Restart();
   {
     MutexLock lock(&starts_mutex_);
     starts_.clear();
@@ -459,6 +476,9 @@ void AravisLink::StopStream() {
   reporting_ = false;
   if (!stream_) return;
   if (answers_) arv_camera_stop_acquisition(camera_, nullptr);
+  const StreamCounts counts = Counts();
+  spdlog::log(counts.AnythingWrong() ? spdlog::level::warn : spdlog::level::info,
+              "{}: the stream ends: {}", name_, Text(counts));
   g_clear_object(&stream_);  // joins its thread
 }
 
@@ -488,9 +508,22 @@ std::optional<AravisLink::Taken> AravisLink::TakeBuffer() {
   return Take(buffer);
 }
 
+StreamCounts AravisLink::Counts() const {
+  guint64 completed = 0, failed = 0, underruns = 0, resent = 0, missing = 0, requested = 0;
+  arv_stream_get_statistics(stream_, &completed, &failed, &underruns);
+  if (ARV_IS_GV_STREAM(stream_)) {
+    arv_gv_stream_get_statistics(ARV_GV_STREAM(stream_), &resent, &missing);
+    requested = arv_stream_get_info_uint64_by_name(stream_, "n_resend_requests");
+  }
+  return {completed, failed, underruns, missing, requested, resent};
+}
+
 AravisLink::Taken AravisLink::Take(ArvBuffer* buffer) {
   Taken taken{clock_.Now(), ToFrame(buffer)};
   arv_stream_push_buffer(stream_, buffer);
+  if (auto lost = counts_log_.Look(Counts(), clock_.Now())) {
+    spdlog::warn("{}: the stream loses data: {}", name_, *lost);
+  }
   // Frames end in the order in which they began, and each was noted before it was filled.
   MutexLock lock(&starts_mutex_);
   if (!starts_.empty()) {
@@ -527,7 +560,7 @@ absl::StatusOr<Frame> AravisLink::ToFrame(ArvBuffer* buffer) {
       type != ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA) {
     return incomplete(absl::StrCat("payload type ", type, " is no image"));
   }
-  const AravisCapabilities::Format* format = capabilities_.Find(config_.format);
+  const GenicamFormat* format = capabilities_.Find(config_.format);
   uint32_t code = arv_buffer_get_image_pixel_format(buffer);
   int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
   if (code != format->code || width != config_.width || height != config_.height) {
@@ -536,14 +569,9 @@ absl::StatusOr<Frame> AravisLink::ToFrame(ArvBuffer* buffer) {
   }
   gint x_padding = 0, y_padding = 0;
   arv_buffer_get_image_padding(buffer, &x_padding, &y_padding);
-  size_t row =
-      static_cast<size_t>(width) * SamplesPerPixel(format->format) * BytesPerSample(format->format);
-  size_t stride = row + x_padding;
+  const size_t stride = GenicamRowBytes(*format, width) + x_padding;
   size_t size = 0;
   const void* data = arv_buffer_get_image_data(buffer, &size);
-  if (!data || size < stride * (height - 1) + row) {
-    return incomplete(absl::StrFormat("%d bytes of %d", size, stride * height));
-  }
 
   Frame frame;
   frame.format = format->format;
@@ -553,9 +581,10 @@ absl::StatusOr<Frame> AravisLink::ToFrame(ArvBuffer* buffer) {
   frame.gain_db = config_.gain_db;
   frame.device_timestamp_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer));
   frame.sequence = NextSequence(id);
-  frame.data.resize(row * height);
-  for (int y = 0; y < height; ++y) {
-    std::memcpy(frame.data.data() + y * row, static_cast<const std::byte*>(data) + y * stride, row);
+  frame.data = UnpackGenicam(*format, {static_cast<const std::byte*>(data), data ? size : 0}, width,
+                             height, stride);
+  if (frame.data.empty()) {
+    return incomplete(absl::StrFormat("%d bytes of %d", size, stride * height));
   }
   return frame;
 }

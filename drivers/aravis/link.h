@@ -15,6 +15,7 @@
 #include "drivers/api/registry.h"
 #include "drivers/aravis/capabilities.h"
 #include "drivers/aravis/options.h"
+#include "drivers/aravis/stream_counts.h"
 
 typedef struct _ArvBuffer ArvBuffer;
 typedef struct _ArvCamera ArvCamera;
@@ -72,12 +73,17 @@ class AravisLink {
   AravisLink(const AravisOptions& options, std::string name, Clock& clock, Events events);
   // OK if there is no error. Notes a camera that does not answer.
   absl::Status Check(const _GError* error, std::string_view operation);
+  absl::Status Unsuitable(const std::string& message) const;
+  // The values that an enumeration has; empty if there is no such feature.
+  std::vector<std::string> Choices(const char* feature) const;
   absl::Status Connect();
   absl::Status ReadCapabilities();
+  absl::Status ReadFormats();
   absl::Status ReadGain();
   absl::Status Prepare();
   absl::Status CreateStream();
   absl::Status WarmUp(TimePoint deadline);
+  StreamCounts Counts() const;
   absl::StatusOr<Frame> ToFrame(ArvBuffer* buffer);
   uint64_t NextSequence(uint64_t frame_id);
   Taken Take(ArvBuffer* buffer);
@@ -95,6 +101,7 @@ class AravisLink {
 
   ArvStream* stream_ = nullptr;
   uint64_t session_ = 0;
+  StreamCountsLog counts_log_;
   CameraConfig config_;
   std::optional<Duration> asked_exposure_;  // last one set, if it is still there
   Duration used_exposure_{};

@@ -1,6 +1,25 @@
 #include "drivers/aravis/options.h"
 
+#include "absl/strings/str_cat.h"
+#include "drivers/aravis/pixel_formats.h"
+
 namespace lightstage {
+namespace {
+
+std::string ParsePixelFormat(const TomlTable& table) {
+  if (!table.Has("pixel_format")) return "";
+  std::string name = table.String("pixel_format");
+  if (!FindGenicamFormat(name)) {
+    std::string known;
+    for (const GenicamFormat& format : GenicamFormats()) {
+      absl::StrAppend(&known, known.empty() ? "" : ", ", format.name);
+    }
+    table.ErrorAt("pixel_format", absl::StrCat("\"", name, "\" is not known; known: ", known));
+  }
+  return name;
+}
+
+}  // namespace
 
 AravisOptions ParseAravisOptions(const TomlTable& table) {
   AravisOptions options;
@@ -10,6 +29,7 @@ AravisOptions ParseAravisOptions(const TomlTable& table) {
     table.ErrorAt(
         "", "needs address = \"…\" (GigE) or serial = \"…\", so that it can not be another camera");
   }
+  options.pixel_format = ParsePixelFormat(table);
   if (table.Has("packet_size")) {
     options.packet_size = static_cast<int>(table.Int("packet_size", 220, 16404));
   }

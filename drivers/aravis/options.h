@@ -10,8 +10,9 @@
 namespace lightstage {
 
 struct AravisOptions {
-  std::string address;  // IP address or host name of a GigE camera; empty: found by serial
-  std::string serial;   // the camera must have this serial number; empty: any
+  std::string address;       // IP address or host name of a GigE camera; empty: found by serial
+  std::string serial;        // the camera must have this serial number; empty: any
+  std::string pixel_format;  // GenICam's name of the only one to be used; empty: the best
   // GigE only; not given: as the camera stands, and Aravis' own defaults.
   std::optional<int> packet_size;  // bytes, with IP header
   std::optional<Duration>

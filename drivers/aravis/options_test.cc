@@ -20,11 +20,12 @@ TEST(AravisOptions, EveryKeyIsRead) {
   absl::Status status = Parse(
       "address = \"192.168.7.2\"\nserial = \"17\"\npacket_size = 9000\npacket_timeout_ms = 40\n"
       "frame_retention_ms = 150\npacket_socket = true\nexposure_end_margin_us = 250\n"
-      "gain_db_per_step = 0.1\nreadout_ms = 12.5\n",
+      "gain_db_per_step = 0.1\nreadout_ms = 12.5\npixel_format = \"Mono12p\"\n",
       &options);
   ASSERT_TRUE(status.ok()) << status;
   EXPECT_EQ(options.address, "192.168.7.2");
   EXPECT_EQ(options.serial, "17");
+  EXPECT_EQ(options.pixel_format, "Mono12p");
   EXPECT_EQ(options.packet_size, 9000);
   EXPECT_EQ(options.packet_timeout, milliseconds(40));
   EXPECT_EQ(options.frame_retention, milliseconds(150));
@@ -47,6 +48,14 @@ TEST(AravisOptions, NeitherAddressNorSerialIsRefused) {
   absl::Status status = Parse("packet_size = 1500\n", &options);
   EXPECT_FALSE(status.ok());
   EXPECT_NE(status.message().find("address"), std::string_view::npos) << status;
+}
+
+TEST(AravisOptions, UnknownPixelFormatNamesTheKnownOnes) {
+  AravisOptions options;
+  absl::Status status = Parse("serial = \"17\"\npixel_format = \"Mono12P\"\n", &options);
+  EXPECT_NE(status.message().find("\"Mono12P\" is not known; known: Mono8, Mono16"),
+            std::string_view::npos)
+      << status;
 }
 
 TEST(AravisOptions, BadValuesAndUnknownKeysAreRefused) {

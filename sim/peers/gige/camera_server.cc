@@ -15,6 +15,7 @@
 #include "base/env.h"
 #include "drivers/aravis/capabilities.h"
 #include "sim/peers/gige/genicam.h"
+#include "sim/peers/gige/pack.h"
 
 namespace lightstage::sim {
 namespace {
@@ -65,6 +66,16 @@ absl::StatusOr<std::string> WriteDescription(const GigeCameraOptions& options) {
   close(fd);
   RETURN_IF_ERROR(PosixEnv().WriteFile(path, *xml));
   return path;
+}
+
+// A region's rows, which end with whole bytes, as they are sent.
+std::vector<std::byte> Packed(std::vector<std::byte> region, const GenicamFormat& format) {
+  if (format.packing == GenicamPacking::kNone) return region;
+  std::vector<uint16_t> samples(region.size() / 2);
+  std::memcpy(samples.data(), region.data(), region.size());
+  return format.packing == GenicamPacking::kLsbFirst
+             ? PackLowestFirst(samples, format.significant_bits)
+             : PackGigE(samples, format.significant_bits);
 }
 
 }  // namespace
@@ -128,7 +139,7 @@ void GigeCameraServer::Expose(ArvBuffer* buffer, Duration exposure, double gain_
   arv_fake_camera_read_register(fake, ARV_FAKE_CAMERA_REGISTER_X_OFFSET, &left);
   arv_fake_camera_read_register(fake, ARV_FAKE_CAMERA_REGISTER_Y_OFFSET, &top);
 
-  AravisCapabilities::Format format = UsableFormats({code}).at(0);
+  const GenicamFormat format = UsableFormats({code}).at(0);
   absl::StatusOr<Frame> frame =
       world_->Expose(start, start + exposure, format.format, {options_.width, options_.height},
                      format.significant_bits, gain_db);
@@ -140,12 +151,14 @@ void GigeCameraServer::Expose(ArvBuffer* buffer, Duration exposure, double gain_
   const size_t pixel =
       static_cast<size_t>(SamplesPerPixel(format.format)) * BytesPerSample(format.format);
   const size_t line = width * pixel;
-  size_t size = 0;
-  auto* data = static_cast<std::byte*>(const_cast<void*>(arv_buffer_get_data(buffer, &size)));
+  std::vector<std::byte> region(line * height);
   for (int row = 0; row < height; ++row) {
     size_t from = (static_cast<size_t>(top + row) * options_.width + left) * pixel;
-    std::memcpy(data + row * line, frame->data.data() + from, line);
+    std::memcpy(region.data() + row * line, frame->data.data() + from, line);
   }
+  const std::vector<std::byte> sent = Packed(std::move(region), format);
+  size_t received = 0;  // by a buffer that is to be sent: nothing
+  std::memcpy(const_cast<void*>(arv_buffer_get_data(buffer, &received)), sent.data(), sent.size());
 }
 
 }  // namespace lightstage::sim

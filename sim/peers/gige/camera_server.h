@@ -22,6 +22,9 @@ struct GigeCameraOptions {
   std::string serial = "SIM01";
   int width = 0, height = 0;  // of the sensor, even
   int bits = 12;              // of a sample in the deep formats: 10, 12 or 16
+  // How the deep Mono and Bayer formats lie in memory: "" in 16 bits, "p" the lowest bit first without a gap, "Packed" as GigE Vision
+  // has it (2 samples in 3 bytes). Not with 16 bits.
+  std::string packing;
 };
 
 class GigeCameraServer {

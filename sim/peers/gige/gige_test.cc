@@ -4,6 +4,7 @@
 #include <cstring>
 #include <numeric>
 
+#include "absl/strings/str_format.h"
 #include "drivers/aravis/driver.h"
 #include "drivers/conformance/fixtures.h"
 #include "drivers/conformance/private_network.h"
@@ -34,15 +35,19 @@ RigGeometry Geometry() {
 // One process may hold one such camera: what the rig file would say, opened.
 class Rig {
  public:
-  absl::Status Open(const std::string& simulation_keys) {
+  absl::Status Open(const std::string& simulation_keys,
+                    const std::string& peer_keys = "bits = 12\n",
+                    const std::string& camera_keys = "") {
     simulation_ = RegisterSimulatedDrivers(registry_);
     RegisterGigePeer(registry_, simulation_);
     ASSIGN_OR_RETURN(TomlDocument document,
                      TomlDocument::Parse("[simulation]\nsamples = 1\n" + simulation_keys +
                                              "[camera]\naddress = \"127.0.0.1\"\n"
-                                             "packet_size = 7000\nframe_retention_ms = 100\n"
+                                             "packet_size = 7000\nframe_retention_ms = 100\n" +
+                                             camera_keys +
                                              "[camera.peer]\nsensor_width = 64\n"
-                                             "sensor_height = 48\nbits = 12\n",
+                                             "sensor_height = 48\n" +
+                                             peer_keys,
                                          "rig.toml"));
     registry_.tables.at("simulation")(document.root().Table("simulation"));
     DeviceOpener<Camera> open =
@@ -154,6 +159,43 @@ TEST(SimGige, FramesEqualTheSimulatedSensors) {
   }
 }
 
+// Packed on the wire by the peer, unpacked by the driver: the same samples.
+TEST(SimGige, PackedFramesEqualTheSimulatedSensors) {
+  for (const auto& [bits, packing] :
+       {std::pair{12, "p"}, {12, "Packed"}, {10, "p"}, {10, "Packed"}}) {
+    const std::string name = absl::StrCat(bits, packing);
+    Rig rig;
+    ASSERT_TRUE(rig.Open(kNoNoise, absl::StrFormat("bits = %d\npacking = \"%s\"\n", bits, packing),
+                         absl::StrFormat("pixel_format = \"BayerRG%s\"\n", name))
+                    .ok());
+    EXPECT_EQ(rig.camera().info().formats, std::vector{PixelFormat::kBayerRG16});
+    rig.Light(1.0f, 0.5f, rig.clock().Now());
+    SleepFor(rig.clock(), milliseconds(50));
+    ASSERT_TRUE(rig.Ready({PixelFormat::kBayerRG16, 32, 20, 0}).ok()) << name;
+    absl::StatusOr<Frame> served = rig.Take(milliseconds(20));
+    ASSERT_TRUE(served.ok()) << name << ": " << served.status();
+    absl::StatusOr<Frame> whole =
+        rig.world().ExposeNow(milliseconds(20), PixelFormat::kBayerRG16, {kWidth, kHeight}, bits);
+    ASSERT_TRUE(whole.ok()) << whole.status();
+    EXPECT_EQ(served->significant_bits, bits);
+    for (int y = 0; y < 20; ++y) {
+      ASSERT_EQ(std::memcmp(served->data.data() + y * 32 * 2,
+                            whole->data.data() + ((y + 14) * kWidth + 16) * 2, 32 * 2),
+                0)
+          << name << ", row " << y;
+    }
+  }
+}
+
+TEST(SimGige, PixelFormatThatTheCameraHasNotNamesThoseItHas) {
+  Rig rig;
+  absl::Status refused = rig.Open(kNoNoise, "bits = 12\n", "pixel_format = \"Mono10p\"\n");
+  EXPECT_EQ(ErrorReason(refused), "DEVICE_UNSUITABLE") << refused;
+  EXPECT_NE(refused.message().find("PixelFormat Mono10p is asked for; the camera has Mono8, "),
+            std::string_view::npos)
+      << refused;
+}
+
 TEST(SimGige, RegionIsTheMiddleOfTheSensor) {
   Rig rig;
   ASSERT_TRUE(rig.Open(kNoNoise).ok());
@@ -226,7 +268,8 @@ TEST(SimGige, SecondCameraOnTheInterfaceIsRefused) {
 }
 
 TEST(SimGige, BadTablesAreRefused) {
-  for (const char* bad : {"sensor_width = 63", "bits = 11", "sensor_height = 0", "hight = 48"}) {
+  for (const char* bad : {"sensor_width = 63", "bits = 11", "sensor_height = 0", "hight = 48",
+                          "packing = \"q\"", "bits = 16\npacking = \"p\""}) {
     DriverRegistry registry;
     RegisterGigePeer(registry, RegisterSimulatedDrivers(registry));
     absl::StatusOr<TomlDocument> document = TomlDocument::Parse(
