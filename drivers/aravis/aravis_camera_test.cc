@@ -1,6 +1,7 @@
 // The driver against Aravis' own fake camera, over real GVCP and GVSP on a loopback of this process' own.
 #include "drivers/aravis/aravis_camera.h"
 
+#include <arv.h>
 #include <gtest/gtest.h>
 #include <spdlog/sinks/ostream_sink.h>
 #include <spdlog/spdlog.h>
@@ -286,6 +287,82 @@ TEST_F(AravisCameraTest, LostCameraIsReportedAndCanComeBack) {
   absl::StatusOr<Frame> after = TakeWithRetakes(milliseconds(10));
   ASSERT_TRUE(after.ok()) << after.status();
   EXPECT_GT(after->sequence, before->sequence);
+}
+
+// Restarted while armed, as after a power cut: what it was configured to is applied again by Arm alone.
+TEST_F(AravisCameraTest, RestartedCameraIsConnectedAnewByArm) {
+  Start();
+  ASSERT_TRUE(Open(Options()).ok());
+  ASSERT_TRUE(Ready(kSmall).ok());
+  process_->Kill();
+  Start();
+  absl::Status status;
+  const TimePoint give_up = clock_.Now() + seconds(60);
+  while (ErrorReason(status) != "DEVICE_LOST" && clock_.Now() < give_up) {
+    SleepFor(clock_, milliseconds(300));
+    status = Take(milliseconds(10), milliseconds(100)).status();
+    EXPECT_FALSE(status.ok()) << "the new camera streams to nobody";
+  }
+  EXPECT_EQ(ErrorReason(status), "DEVICE_LOST") << status;
+  EXPECT_TRUE(Do([&](TimePoint deadline, Completion<CameraConfig> done) {
+                camera_->Disarm(deadline, std::move(done));
+              }).ok());
+  absl::StatusOr<CameraConfig> armed = Do([&](TimePoint deadline, Completion<CameraConfig> done) {
+    camera_->Arm(deadline, std::move(done));
+  });
+  ASSERT_TRUE(armed.ok()) << armed.status();
+  EXPECT_EQ(*armed, kSmall);
+  absl::StatusOr<Frame> after = TakeWithRetakes(milliseconds(10));
+  ASSERT_TRUE(after.ok()) << after.status();
+  EXPECT_TRUE(IsDiagonalRamp(*after));
+}
+
+// A camera that is reached in another way than GigE, as USB3 Vision is: Aravis' fake one within the process. It streams freely, so that no
+// more than opening and configuring it can be shown.
+TEST_F(AravisCameraTest, CamerasThatAreNotGigEAreOpenedWithoutItsSettings) {
+  arv_enable_interface("Fake");
+  AravisOptions options;
+  options.serial = "1";
+  absl::Status opened = Open(options);
+  EXPECT_TRUE(opened.ok()) << opened;
+  if (opened.ok()) {
+    absl::StatusOr<CameraConfig> configured =
+        Do([&](TimePoint deadline, Completion<CameraConfig> done) {
+          camera_->Configure(kSmall, deadline, std::move(done));
+        });
+    EXPECT_TRUE(configured.ok()) << configured.status();
+  }
+  options.packet_timeout = milliseconds(40);
+  opened = Open(options);
+  EXPECT_EQ(ErrorReason(opened), "DEVICE_UNSUITABLE") << opened;
+  EXPECT_NE(opened.message().find("packet_timeout_ms"), std::string_view::npos) << opened;
+  arv_disable_interface("Fake");
+}
+
+// Aravis' own fake camera has one input line, of one edge, and no outputs.
+TEST_F(AravisCameraTest, LinesThatTheCameraHasNotAreRefused) {
+  Start();
+  const auto refusal = [&](auto change) {
+    AravisOptions options = Options();
+    change(options);
+    absl::Status opened = Open(options);
+    EXPECT_EQ(ErrorReason(opened), "DEVICE_UNSUITABLE") << opened;
+    return MessageOf(opened);
+  };
+  EXPECT_EQ(refusal([](AravisOptions& options) {
+              options.trigger_source = "Line1";
+              options.trigger_activation = "RisingEdge";
+            }),
+            "camera: trigger_source needs TriggerSource = Line1; the camera has Line0, Software");
+  EXPECT_EQ(refusal([](AravisOptions& options) {
+              options.trigger_source = "Line0";
+              options.trigger_activation = "FallingEdge";
+            }),
+            "camera: trigger_activation needs TriggerActivation = FallingEdge; the camera has "
+            "RisingEdge");
+  EXPECT_EQ(refusal([](AravisOptions& options) { options.exposure_active_line = "Line1"; }),
+            "camera: exposure_active_line needs LineSelector = Line1; the camera has no "
+            "LineSelector");
 }
 
 TEST_F(AravisCameraTest, ClosingWithADeadCameraEnds) {

@@ -93,6 +93,11 @@ ConfigResult AravisCapabilities::Validate(const CameraConfig& config) const {
   return result;
 }
 
+bool AravisCapabilities::SameExposure(Duration set, Duration said) const {
+  const Duration step = std::max<Duration>(exposure_step, std::chrono::microseconds(1));
+  return std::chrono::abs(said - set) <= step;
+}
+
 ExposureResult AravisCapabilities::ValidateExposure(Duration exposure) const {
   std::string range =
       absl::StrFormat("%g to %g us", Seconds(min_exposure) * 1e6, Seconds(max_exposure) * 1e6);

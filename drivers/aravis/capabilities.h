@@ -34,6 +34,9 @@ struct AravisCapabilities {
 
   ConfigResult Validate(const CameraConfig& config) const;
   ExposureResult ValidateExposure(Duration exposure) const;
+  // Whether a frame that says it was exposed for `said` may have been exposed for `set`: they differ by a step at most (by 1 us, the
+  // unit of GenICam, if the camera's is finer or unknown).
+  bool SameExposure(Duration set, Duration said) const;
 };
 
 // The formats of drivers/api that can be served by a camera with these GenICam codes: for each, the camera's best one. If `only` is a

@@ -105,6 +105,16 @@ TEST(Validate, RawGainNeedsItsUnit) {
   EXPECT_DOUBLE_EQ(result.config.gain_db, 1.5);
 }
 
+TEST(SameExposure, DiffersByAStepAtMost) {
+  AravisCapabilities caps = Camera();
+  EXPECT_TRUE(caps.SameExposure(microseconds(500), nanoseconds(499100)));
+  EXPECT_FALSE(caps.SameExposure(microseconds(500), nanoseconds(498900)));
+  caps.exposure_step = microseconds(20);
+  EXPECT_TRUE(caps.SameExposure(microseconds(500), microseconds(520)));
+  EXPECT_FALSE(caps.SameExposure(microseconds(500), microseconds(521)));
+  EXPECT_FALSE(caps.SameExposure(microseconds(500), microseconds(0)));
+}
+
 TEST(ValidateExposure, RangeAndStep) {
   AravisCapabilities caps = Camera();
   EXPECT_EQ(caps.ValidateExposure(microseconds(20)).verdict, ConfigVerdict::kValid);

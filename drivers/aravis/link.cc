@@ -3,6 +3,7 @@
 #include <arv.h>
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "absl/strings/str_format.h"
@@ -108,6 +109,21 @@ std::vector<std::string> AravisLink::Choices(const char* feature) const {
   return choices;
 }
 
+absl::Status AravisLink::Choose(const char* feature, const std::string& value,
+                                std::string_view key) {
+  // What can not be changed, as the direction of many lines, may be right already.
+  if (OrEmpty(arv_camera_get_string(camera_, feature, nullptr)) == value) return absl::OkStatus();
+  const std::vector<std::string> choices = Choices(feature);
+  if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
+    return Unsuitable(absl::StrFormat(
+        "%s needs %s = %s; the camera has %s", key, feature, value,
+        choices.empty() ? absl::StrCat("no ", feature) : absl::StrJoin(choices, ", ")));
+  }
+  GErrorSlot error;
+  arv_camera_set_string(camera_, feature, value.c_str(), error.out());
+  return Check(error.get(), absl::StrFormat("setting %s to %s", feature, value));
+}
+
 std::vector<Discovered> DiscoverAravis() {
   arv_update_device_list();
   std::vector<Discovered> found;
@@ -136,6 +152,7 @@ AravisLink::AravisLink(const AravisOptions& options, std::string name, Clock& cl
 AravisLink::~AravisLink() {
   StopStream();
   if (!camera_) return;
+  g_clear_object(&chunks_);
   if (lost_handler_ != 0)
     g_signal_handler_disconnect(arv_camera_get_device(camera_), lost_handler_);
   g_object_unref(camera_);
@@ -148,6 +165,7 @@ absl::StatusOr<std::unique_ptr<AravisLink>> AravisLink::Open(const AravisOptions
   RETURN_IF_ERROR(link->Connect());
   RETURN_IF_ERROR(link->Prepare());
   RETURN_IF_ERROR(link->ReadCapabilities());
+  RETURN_IF_ERROR(link->PrepareChunks());
   return link;
 }
 
@@ -179,7 +197,9 @@ absl::Status AravisLink::Connect() {
   capabilities_.vendor = OrEmpty(arv_camera_get_vendor_name(camera_, nullptr));
   capabilities_.model = OrEmpty(arv_camera_get_model_name(camera_, nullptr));
   capabilities_.serial = OrEmpty(arv_camera_get_device_serial_number(camera_, nullptr));
-  if (!options_.serial.empty() && capabilities_.serial != options_.serial) {
+  // A camera that was found by its serial is the one, even if it gives itself another one than the bus does (USB3 Vision).
+  if (!options_.address.empty() && !options_.serial.empty() &&
+      capabilities_.serial != options_.serial) {
     return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
                  absl::StrFormat("%s: the camera at '%s' has serial '%s', the rig file wants '%s'",
                                  name_, target, capabilities_.serial, options_.serial),
@@ -212,6 +232,8 @@ absl::Status AravisLink::Connect() {
                                  name_, target),
                  {{"device", name_}, {"address", target}});
   }
+  // The other mode does not say when a frame begins.
+  if (arv_camera_is_uv_device(camera_)) arv_camera_uv_set_usb_mode(camera_, ARV_UV_USB_MODE_SYNC);
   auto lost =
       +[](ArvDevice*, gpointer self) { static_cast<AravisLink*>(self)->events_.control_lost(); };
   lost_handler_ = g_signal_connect(device, "control-lost", G_CALLBACK(lost), this);
@@ -248,7 +270,77 @@ absl::Status AravisLink::Prepare() {
     }
   }
   arv_camera_set_acquisition_mode(camera_, ARV_ACQUISITION_MODE_CONTINUOUS, error.out());
-  return Check(error.get(), "setting the acquisition mode");
+  RETURN_IF_ERROR(Check(error.get(), "setting the acquisition mode"));
+  return PrepareLines();
+}
+
+// Asks for each of them once, so that a camera that lacks one is refused when it is opened.
+absl::Status AravisLink::PrepareLines() {
+  if (!options_.SoftwareTriggered()) {
+    RETURN_IF_ERROR(TurnTriggerOn());
+    RETURN_IF_ERROR(Choose("TriggerSource", options_.trigger_source, "trigger_source"));
+  }
+  if (options_.exposure_active_line.empty()) return absl::OkStatus();
+  constexpr char kKey[] = "exposure_active_line";
+  RETURN_IF_ERROR(Choose("LineSelector", options_.exposure_active_line, kKey));
+  RETURN_IF_ERROR(Choose("LineMode", "Output", kKey));
+  return Choose("LineSource", "ExposureActive", kKey);
+}
+
+// Frames shall say how they were exposed. Number and time of a frame are in its leader anyway.
+absl::Status AravisLink::PrepareChunks() {
+  if (!arv_camera_are_chunks_available(camera_, nullptr)) return absl::OkStatus();
+  GErrorSlot error;
+  const std::vector<std::string> selectors = Choices("ChunkSelector");
+  const auto has = [&](const char* selector, const char* feature) {
+    return options_.chunk_data &&
+           std::find(selectors.begin(), selectors.end(), selector) != selectors.end() &&
+           arv_camera_is_feature_available(camera_, feature, nullptr);
+  };
+  exposure_chunk_ = has("ExposureTime", "ChunkExposureTime");
+  gain_chunk_ =
+      capabilities_.gain == AravisCapabilities::Gain::kDecibels && has("Gain", "ChunkGain");
+  const bool wanted = exposure_chunk_ || gain_chunk_;
+  if (wanted != static_cast<bool>(arv_camera_get_chunk_mode(camera_, nullptr))) {
+    arv_camera_set_chunk_mode(camera_, wanted, error.out());
+    RETURN_IF_ERROR(Check(error.get(), "setting ChunkModeActive"));
+  }
+  for (const auto& [selector, on] :
+       {std::pair{"ExposureTime", exposure_chunk_}, {"Gain", gain_chunk_}}) {
+    if (on) arv_camera_set_chunk_state(camera_, selector, TRUE, error.out());
+    RETURN_IF_ERROR(Check(error.get(), absl::StrCat("turning on the chunk ", selector)));
+  }
+  if (wanted) chunks_ = arv_camera_create_chunk_parser(camera_);
+  return absl::OkStatus();
+}
+
+// Puts into `frame` what it says of itself.
+absl::Status AravisLink::ReadChunks(ArvBuffer* buffer, Frame& frame) {
+  GErrorSlot error;
+  const auto silent = [&](std::string_view chunk) {
+    return Error(absl::StatusCode::kDataLoss, "FRAME_INCOMPLETE",
+                 absl::StrFormat("%s: the frame carries no %s: %s; chunk_data = false does without",
+                                 name_, chunk, error.message()),
+                 {{"device", name_}, {"chunk", std::string(chunk)}});
+  };
+  if (exposure_chunk_) {
+    const double us =
+        arv_chunk_parser_get_float_value(chunks_, buffer, "ChunkExposureTime", error.out());
+    if (error.get()) return silent("ChunkExposureTime");
+    frame.exposure = Microseconds(us);
+    if (!capabilities_.SameExposure(used_exposure_, frame.exposure)) {
+      return Error(absl::StatusCode::kDataLoss, "FRAME_EXPOSURE",
+                   absl::StrFormat("%s: the frame says ChunkExposureTime = %g us, set was %g us",
+                                   name_, us, Seconds(used_exposure_) * 1e6),
+                   {{"device", name_}, {"exposure_us", absl::StrCat(us)}});
+    }
+  }
+  if (gain_chunk_) {
+    const double gain = arv_chunk_parser_get_float_value(chunks_, buffer, "ChunkGain", error.out());
+    if (error.get()) return silent("ChunkGain");
+    frame.gain_db = gain;
+  }
+  return absl::OkStatus();
 }
 
 absl::Status AravisLink::ReadFormats() {
@@ -388,6 +480,15 @@ void AravisLink::OnStream(void* self, int type) {
   }
 }
 
+// By software also where a line will trigger: the line is listened to only while a frame is asked for.
+absl::Status AravisLink::TurnTriggerOn() {
+  GErrorSlot error;
+  arv_camera_set_trigger(camera_, "Software", error.out());
+  RETURN_IF_ERROR(Check(error.get(), "turning the software trigger on"));
+  if (options_.SoftwareTriggered()) return absl::OkStatus();
+  return Choose("TriggerActivation", options_.trigger_activation, "trigger_activation");
+}
+
 absl::Status AravisLink::CreateStream() {
   GErrorSlot error;
   guint payload = arv_camera_get_payload(camera_, error.out());
@@ -430,9 +531,8 @@ absl::Status AravisLink::StartStream(const CameraConfig& config, TimePoint deadl
     starts_.clear();
   }
   RETURN_IF_ERROR(CreateStream());
+  RETURN_IF_ERROR(TurnTriggerOn());
   GErrorSlot error;
-  arv_camera_set_trigger(camera_, "Software", error.out());
-  RETURN_IF_ERROR(Check(error.get(), "turning the software trigger on"));
   arv_camera_start_acquisition(camera_, error.out());
   RETURN_IF_ERROR(Check(error.get(), "starting the acquisition"));
   return WarmUp(deadline);
@@ -499,6 +599,16 @@ absl::Status AravisLink::SoftwareTrigger() {
   GErrorSlot error;
   arv_camera_software_trigger(camera_, error.out());
   return Check(error.get(), "triggering");
+}
+
+absl::Status AravisLink::Trigger() {
+  if (options_.SoftwareTriggered()) return SoftwareTrigger();
+  return Choose("TriggerSource", options_.trigger_source, "trigger_source");
+}
+
+absl::Status AravisLink::Triggered() {
+  if (options_.SoftwareTriggered()) return absl::OkStatus();
+  return Choose("TriggerSource", "Software", "trigger_source");
 }
 
 std::optional<AravisLink::Taken> AravisLink::TakeBuffer() {
@@ -578,6 +688,7 @@ absl::StatusOr<Frame> AravisLink::ToFrame(ArvBuffer* buffer) {
   frame.width = width;
   frame.height = height;
   frame.significant_bits = format->significant_bits;
+  frame.exposure = used_exposure_;
   frame.gain_db = config_.gain_db;
   frame.device_timestamp_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer));
   frame.sequence = NextSequence(id);
@@ -586,6 +697,8 @@ absl::StatusOr<Frame> AravisLink::ToFrame(ArvBuffer* buffer) {
   if (frame.data.empty()) {
     return incomplete(absl::StrFormat("%d bytes of %d", size, stride * height));
   }
+  // libaravis does not tell of every transport whether a frame carries any.
+  if (arv_buffer_has_chunks(buffer)) RETURN_IF_ERROR(ReadChunks(buffer, frame));
   return frame;
 }
 

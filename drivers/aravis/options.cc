@@ -19,6 +19,27 @@ std::string ParsePixelFormat(const TomlTable& table) {
   return name;
 }
 
+void ParseLines(const TomlTable& table, AravisOptions& options) {
+  options.trigger_source = table.String("trigger_source", options.trigger_source);
+  if (!options.SoftwareTriggered()) {
+    options.trigger_activation =
+        table.OneOf("trigger_activation", {"RisingEdge", "FallingEdge"}, "RisingEdge");
+    if (options.exposure_end_margin) {
+      table.ErrorAt("exposure_end_margin_us",
+                    "goes by the acknowledgement of a software trigger: not with trigger_source = "
+                    "a line");
+    }
+  } else if (table.Has("trigger_activation")) {
+    table.ErrorAt("trigger_activation", "is a line's: needs trigger_source = \"Line1\" or another");
+  }
+  options.exposure_active_line = table.String("exposure_active_line", "");
+  if (options.exposure_active_line == options.trigger_source) {
+    table.ErrorAt("exposure_active_line", absl::StrCat("\"", options.trigger_source,
+                                                       "\" is the trigger_source: an output "
+                                                       "needs another line"));
+  }
+}
+
 }  // namespace
 
 AravisOptions ParseAravisOptions(const TomlTable& table) {
@@ -43,6 +64,8 @@ AravisOptions ParseAravisOptions(const TomlTable& table) {
   if (table.Has("exposure_end_margin_us")) {
     options.exposure_end_margin = table.Time("exposure_end_margin_us", 0, 1e6);
   }
+  ParseLines(table, options);
+  options.chunk_data = table.Bool("chunk_data", true);
   options.gain_db_per_step = table.Double("gain_db_per_step", 0, 10, 0.0);
   options.readout = table.Time("readout_ms", 0, 10000, 0.0);
   return options;

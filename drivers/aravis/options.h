@@ -22,9 +22,16 @@ struct AravisOptions {
   // How much later than the camera's acknowledgement of a trigger the exposure may start. Not given: an exposure counts as ended
   // only when the first packet of its frame arrives.
   std::optional<Duration> exposure_end_margin;
+  std::string trigger_source = "Software";  // or a line's name
+  std::string trigger_activation;  // "RisingEdge" or "FallingEdge" of a line; empty: software
+  std::string
+      exposure_active_line;  // this line puts out when the sensor gathers light; empty: none
+  bool chunk_data = true;    // of cameras that have it
   double gain_db_per_step =
       0;               // of cameras with a raw gain only; 0: unknown, gain stays at its lowest
   Duration readout{};  // from exposure end until it can expose again; for plans' estimates
+
+  bool SoftwareTriggered() const { return trigger_source == "Software"; }
 };
 
 // Reads the camera's table strictly; errors go into the table.

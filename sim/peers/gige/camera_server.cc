@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <bit>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -29,7 +30,20 @@ constexpr double kTriggerHz = 200;
 constexpr guint32 kHeartbeatTimeoutRegister = 0x0938;
 constexpr guint32 kHeartbeatTimeoutMs = 30000;
 
+// More of them: the stream's destination and packet size.
+constexpr guint32 kStreamPortRegister = 0x0d00, kPacketSizeRegister = 0x0d04,
+                  kStreamAddressRegister = 0x0d18;
+constexpr size_t kPacketOverhead = 20 + 8 + 8;  // headers of IP, UDP and GVSP
+
 constexpr int kControlPort = 3956;
+
+std::vector<std::byte> BigEndian(double value) {
+  const uint64_t bits = std::bit_cast<uint64_t>(value);
+  std::vector<std::byte> bytes;
+  for (int shift = 56; shift >= 0; shift -= 8)
+    bytes.push_back(static_cast<std::byte>(bits >> shift));
+  return bytes;
+}
 
 // The fake camera shares its port with any other one, so that each gets some of the packets: look before it starts.
 absl::Status CheckPortIsFree(const std::string& address) {
@@ -104,8 +118,11 @@ absl::StatusOr<std::unique_ptr<GigeCameraServer>> GigeCameraServer::Start(
                    {ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, static_cast<guint32>(options.height)},
                    {ARV_FAKE_CAMERA_REGISTER_WIDTH, static_cast<guint32>(options.width)},
                    {ARV_FAKE_CAMERA_REGISTER_HEIGHT, static_cast<guint32>(options.height)},
+                   {ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOURCE, 1},
+                   {kTriggerSourceRegister, 1},
                    {kHeartbeatTimeoutRegister, kHeartbeatTimeoutMs}};
   for (const auto& r : registers) arv_fake_camera_write_register(fake, r.address, r.value);
+  if (options.chunk_data) RETURN_IF_ERROR(server->StartRelay());
   arv_fake_camera_set_trigger_frequency(fake, kTriggerHz);
   auto fill =
       +[](ArvBuffer* buffer, void* self, guint32 exposure_us, guint32 gain, ArvPixelFormat code) {
@@ -116,13 +133,63 @@ absl::StatusOr<std::unique_ptr<GigeCameraServer>> GigeCameraServer::Start(
   return server;
 }
 
+absl::Status GigeCameraServer::StartRelay() {
+  ASSIGN_OR_RETURN(relay_, ChunkRelay::Start(options_.address, [this] { return RelayedFrame(); }));
+  ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
+  in_addr own = {};
+  inet_pton(AF_INET, options_.address.c_str(), &own);
+  arv_fake_camera_write_register(fake, kStreamAddressRegister, ntohl(own.s_addr));
+  arv_fake_camera_write_register(fake, kStreamPortRegister, relay_->port());
+  return absl::OkStatus();
+}
+
+ChunkRelay::Frame GigeCameraServer::RelayedFrame() const {
+  ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
+  const auto value = [&](uint32_t address) {
+    guint32 read = 0;
+    arv_fake_camera_read_register(fake, address, &read);
+    return read;
+  };
+  ChunkRelay::Frame frame;
+  frame.client.sin_family = AF_INET;
+  frame.client.sin_port = htons(static_cast<uint16_t>(value(kClientPortRegister)));
+  frame.client.sin_addr.s_addr = htonl(value(kClientAddressRegister));
+  frame.block = (value(kPacketSizeRegister) & 0xffff) - kPacketOverhead;
+  if (value(kChunkModeRegister) == 0) return frame;
+  if (value(kChunkEnableRegister) != 0) {
+    frame.chunks.push_back({kExposureChunk, BigEndian(exposure_us_ * misreport_)});
+  }
+  if (value(kChunkEnableRegister + 0x10) != 0) {
+    frame.chunks.push_back({kGainChunk, BigEndian(gain_db_)});
+  }
+  return frame;
+}
+
 void GigeCameraServer::LosePackets(double ratio) {
   g_object_set(camera_, "gvsp-lost-ratio", ratio, nullptr);
+}
+
+void GigeCameraServer::PulseLine() {
+  ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
+  guint32 source = 0;
+  arv_fake_camera_read_register(fake, kTriggerSourceRegister, &source);
+  if (source == 0)
+    arv_fake_camera_write_register(fake, ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOFTWARE, 1);
+}
+
+bool GigeCameraServer::ShowsExposure() const {
+  constexpr uint32_t kLine2 = 0x10;
+  ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
+  guint32 mode = 0, source = 0;
+  arv_fake_camera_read_register(fake, kLineModeRegister + kLine2, &mode);
+  arv_fake_camera_read_register(fake, kLineSourceRegister + kLine2, &source);
+  return mode == 1 && source == 1;
 }
 
 GigeCameraServer::~GigeCameraServer() {
   stopping_ = true;
   world_->clock().Notify();
+  relay_.reset();                        // it looks into the camera
   if (camera_) g_object_unref(camera_);  // joins its thread
 }
 
@@ -131,6 +198,8 @@ void GigeCameraServer::Expose(ArvBuffer* buffer, Duration exposure, double gain_
   TimePoint start = clock.Now();
   clock.WaitUntil(start + exposure, [this] { return stopping_.load(); });
   if (stopping_) return;
+  exposure_us_ = Seconds(exposure) * 1e6;
+  gain_db_ = gain_db;
 
   int x = 0, y = 0, width = 0, height = 0;
   arv_buffer_get_image_region(buffer, &x, &y, &width, &height);

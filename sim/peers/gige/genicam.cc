@@ -47,6 +47,62 @@ std::vector<Entry> Formats(int bits, std::string_view packing) {
   return formats;
 }
 
+std::string Register(std::string_view name, uint32_t address, std::string_view more = "") {
+  return absl::StrFormat(
+      "<IntReg Name=\"%s\"><Address>0x%x</Address>%s<Length>4</Length><AccessMode>RW</AccessMode>"
+      "<pPort>Device</pPort><Sign>Unsigned</Sign><Endianess>BigEndian</Endianess></IntReg>\n",
+      name, address, more);
+}
+
+std::string Enumeration(std::string_view name, const std::vector<std::string>& values,
+                        std::string_view where) {
+  std::string xml = absl::StrFormat("<Enumeration Name=\"%s\">", name);
+  for (size_t i = 0; i < values.size(); ++i) {
+    absl::StrAppendFormat(&xml, "<EnumEntry Name=\"%s\"><Value>%d</Value></EnumEntry>", values[i],
+                          i);
+  }
+  return absl::StrCat(xml, "<pValue>", std::string(where), "</pValue></Enumeration>\n");
+}
+
+// Line1, which triggers, and Line2.
+std::string Lines() {
+  const std::string of_line = "<pIndex Offset=\"0x10\">LineSelectorRegister</pIndex>";
+  return absl::StrCat(Enumeration("LineSelector", {"Line1", "Line2"}, "LineSelectorRegister"),
+                      Register("LineSelectorRegister", kLineSelectorRegister),
+                      Enumeration("LineMode", {"Input", "Output"}, "LineModeRegister"),
+                      Register("LineModeRegister", kLineModeRegister, of_line),
+                      Enumeration("LineSource", {"Off", "ExposureActive"}, "LineSourceRegister"),
+                      Register("LineSourceRegister", kLineSourceRegister, of_line));
+}
+
+std::string DoubleChunk(std::string_view name, uint32_t id) {
+  return absl::StrFormat(
+      "<FloatReg Name=\"%s\"><Address>0</Address><Length>8</Length><AccessMode>RO</AccessMode>"
+      "<pPort>%sPort</pPort><Endianess>BigEndian</Endianess></FloatReg>\n"
+      "<Port Name=\"%sPort\"><ChunkID>%x</ChunkID></Port>\n",
+      name, name, name, id);
+}
+
+// Chunks, a gain in dB as they have it, and the stream's destination, which libaravis would else write where the fake camera looks.
+std::string Chunks() {
+  return absl::StrCat(
+      "<Boolean Name=\"ChunkModeActive\"><pValue>ChunkModeRegister</pValue></Boolean>\n",
+      Register("ChunkModeRegister", kChunkModeRegister),
+      Enumeration("ChunkSelector", {"ExposureTime", "Gain"}, "ChunkSelectorRegister"),
+      Register("ChunkSelectorRegister", kChunkSelectorRegister),
+      "<Boolean Name=\"ChunkEnable\"><pValue>ChunkEnableRegister</pValue></Boolean>\n",
+      Register("ChunkEnableRegister", kChunkEnableRegister,
+               "<pIndex Offset=\"0x10\">ChunkSelectorRegister</pIndex>"),
+      Register("ChunkExposureRegister", kChunkEnableRegister),
+      Register("ChunkGainRegister", kChunkEnableRegister + 0x10),
+      DoubleChunk("ChunkExposureTime", kExposureChunk), DoubleChunk("ChunkGain", kGainChunk),
+      "<Float Name=\"Gain\"><pValue>GainRaw</pValue><Min>0.0</Min><Max>10.0</Max></Float>\n",
+      "<Integer Name=\"ArvGevSCPHostPort\"><pValue>ClientPort</pValue></Integer>\n",
+      Register("ClientPort", kClientPortRegister),
+      "<Integer Name=\"ArvGevSCDA\"><pValue>ClientAddress</pValue></Integer>\n",
+      Register("ClientAddress", kClientAddressRegister));
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> AdaptGenicam(std::string xml, const GigeCameraOptions& options) {
@@ -73,6 +129,33 @@ absl::StatusOr<std::string> AdaptGenicam(std::string xml, const GigeCameraOption
       absl::StrFormat("<Max>%.1f</Max>", Seconds(GigeCameraServer::kMaxExposure) * 1e6);
   if (absl::StrReplaceAll({{"<Max>10000000.0</Max>", longest + "<Inc>1.0</Inc>"}}, &xml) != 1) {
     return unknown("longest exposure");
+  }
+  // The fake camera itself knows free running and software only: what the client writes goes elsewhere.
+  const size_t source = xml.find("<EnumEntry Name=\"Line0\"");
+  const std::string activation = "<EnumEntry Name=\"RisingEdge\" NameSpace=\"Standard\">";
+  if (source == std::string::npos || xml.find(activation) == std::string::npos ||
+      absl::StrReplaceAll({{"<Address>0x304</Address>",
+                            absl::StrFormat("<Address>0x%x</Address>", kTriggerSourceRegister)}},
+                          &xml) != 1) {
+    return unknown("trigger lines");
+  }
+  xml.replace(source, std::string_view("<EnumEntry Name=\"Line0\"").size(),
+              "<EnumEntry Name=\"Line1\"");
+  xml.insert(xml.find(activation),
+             "<EnumEntry Name=\"FallingEdge\"><Value>1</Value></EnumEntry>\n");
+  xml.insert(xml.find("<!-- Analog control -->"), Lines());
+  if (options.chunk_data) {
+    xml.insert(xml.find("<!-- Analog control -->"), Chunks());
+    if (absl::StrReplaceAll(
+            {{"<Formula>WIDTH * HEIGHT * ((PIXELFORMAT>>16)&amp;0xFF) / 8</Formula>",
+              "<pVariable Name=\"CHUNKS\">ChunkModeRegister</pVariable>"
+              "<pVariable Name=\"EXPOSURE\">ChunkExposureRegister</pVariable>"
+              "<pVariable Name=\"GAIN\">ChunkGainRegister</pVariable>"
+              "<Formula>WIDTH * HEIGHT * ((PIXELFORMAT>>16)&amp;0xFF) / 8 + "
+              "CHUNKS * (8 + 16 * EXPOSURE + 16 * GAIN)</Formula>"}},
+            &xml) != 1) {
+      return unknown("payload size");
+    }
   }
   // Regions begin and end on whole Bayer cells.
   if (absl::StrReplaceAll({{"<Inc>1</Inc>", "<Inc>2</Inc>"}}, &xml) != 4 ||

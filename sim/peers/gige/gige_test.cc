@@ -3,6 +3,7 @@
 
 #include <cstring>
 #include <numeric>
+#include <optional>
 
 #include "absl/strings/str_format.h"
 #include "drivers/aravis/driver.h"
@@ -256,6 +257,158 @@ TEST(SimGige, ExposureSeesLightGoOut) {
   absl::StatusOr<Frame> dark = rig.Take(milliseconds(10));
   ASSERT_TRUE(dark.ok()) << dark.status();
   EXPECT_EQ(Sum(*dark), 0);
+}
+
+// ---- Lines and chunk data: the server in the test's hand, the driver beside it
+
+class Wired {
+ public:
+  absl::Status Open(const std::string& camera_keys, bool chunk_data = false,
+                    int packet_size = 7000) {
+    simulation_ = RegisterSimulatedDrivers(registry_);
+    ASSIGN_OR_RETURN(
+        TomlDocument document,
+        TomlDocument::Parse(absl::StrCat("[simulation]\nsamples = 1\n", kNoNoise, "[camera]\n",
+                                         "address = \"127.0.0.1\"\nframe_retention_ms = 100\n",
+                                         "packet_size = ", packet_size, "\n", camera_keys),
+                            "rig.toml"));
+    registry_.tables.at("simulation")(document.root().Table("simulation"));
+    DeviceOpener<Camera> open = AravisDriver().parse(document.root().Table("camera"));
+    RETURN_IF_ERROR(document.Finish());
+    ASSIGN_OR_RETURN(std::shared_ptr<World> world, simulation_->OpenWorld(geometry_, clock_));
+    GigeCameraOptions options;
+    options.width = kWidth;
+    options.height = kHeight;
+    options.chunk_data = chunk_data;
+    ASSIGN_OR_RETURN(server_, GigeCameraServer::Start(options, world));
+    ASSIGN_OR_RETURN(camera_, open({"camera", &clock_, &geometry_}));
+    return absl::OkStatus();
+  }
+  absl::Status Ready(double gain_db = 0) {
+    Pending<CameraConfig> configured(clock_), armed(clock_);
+    camera_->Configure({PixelFormat::kMono8, kWidth, kHeight, gain_db}, In(seconds(30)),
+                       configured.sink());
+    RETURN_IF_ERROR(configured.Wait(In(seconds(60)), "Configure").status());
+    camera_->Arm(In(seconds(30)), armed.sink());
+    return armed.Wait(In(seconds(60)), "Arm").status();
+  }
+  // Pulses Line1 after `pulse`, if at all.
+  absl::StatusOr<Frame> Take(Duration exposure, std::optional<Duration> pulse = {},
+                             Duration patience = seconds(20)) {
+    Pending<ExposureEnd> ended(clock_);
+    Pending<Frame> frame(clock_);
+    camera_->Trigger(exposure, In(patience), ended.sink(), frame.sink());
+    if (pulse) {
+      SleepFor(clock_, *pulse);
+      server_->PulseLine();
+    }
+    return frame.Wait(In(patience + seconds(30)), "the frame");
+  }
+  TimePoint In(Duration time) { return clock_.Now() + time; }
+  Clock& clock() { return clock_; }
+  GigeCameraServer& server() { return *server_; }
+
+ private:
+  RealClock clock_;
+  RigGeometry geometry_ = Geometry();
+  DriverRegistry registry_;
+  std::shared_ptr<Simulation> simulation_;
+  std::unique_ptr<GigeCameraServer> server_;
+  std::unique_ptr<Camera> camera_;
+};
+
+// The frame is the line's, and only while one is asked for.
+TEST(SimGigeLines, ALineTriggers) {
+  Wired wired;
+  absl::Status opened =
+      wired.Open("trigger_source = \"Line1\"\ntrigger_activation = \"FallingEdge\"\n");
+  ASSERT_TRUE(opened.ok()) << opened;
+  ASSERT_TRUE(wired.Ready().ok());
+  wired.server().PulseLine();
+  absl::StatusOr<Frame> none = wired.Take(milliseconds(10), std::nullopt, milliseconds(400));
+  EXPECT_EQ(ErrorReason(none.status()), "DEVICE_SILENT") << "a pulse that nobody waited for counts";
+  for (int i = 0; i < 3; ++i) {
+    const TimePoint asked = wired.clock().Now();
+    absl::StatusOr<Frame> frame = wired.Take(milliseconds(10), milliseconds(500), seconds(10));
+    if (absl::IsDataLoss(frame.status())) continue;  // plain UDP on a busy machine
+    ASSERT_TRUE(frame.ok()) << frame.status();
+    EXPECT_EQ(frame->exposure, milliseconds(10));
+    EXPECT_GE(frame->exposure_start, asked + milliseconds(450));
+  }
+}
+
+TEST(SimGigeLines, ALinePutsOutTheExposure) {
+  Wired wired;
+  absl::Status opened = wired.Open("exposure_active_line = \"Line2\"\n");
+  ASSERT_TRUE(opened.ok()) << opened;
+  EXPECT_TRUE(wired.server().ShowsExposure());
+}
+
+TEST(SimGigeLines, MissingOnesNameThoseThereAre) {
+  const std::pair<std::string, std::string> cases[] = {
+      {"trigger_source = \"Line7\"\n",
+       "camera: trigger_source needs TriggerSource = Line7; the camera has Line1, Software"},
+      {"exposure_active_line = \"Line3\"\n",
+       "camera: exposure_active_line needs LineSelector = Line3; the camera has Line1, Line2"}};
+  for (const auto& [keys, message] : cases) {
+    Wired wired;
+    absl::Status refused = wired.Open(keys);
+    EXPECT_EQ(ErrorReason(refused), "DEVICE_UNSUITABLE") << refused;
+    EXPECT_NE(refused.message().find(message), std::string_view::npos) << refused;
+  }
+}
+
+// What a frame says of itself is what is recorded.
+TEST(SimGigeChunks, FramesSayHowTheyWereExposed) {
+  for (int packet_size : {7000, 700}) {
+    Wired wired;
+    absl::Status opened = wired.Open("", /*chunk_data=*/true, packet_size);
+    ASSERT_TRUE(opened.ok()) << opened;
+    ASSERT_TRUE(wired.Ready(/*gain_db=*/3).ok());
+    wired.server().Misreport(1.00005);
+    absl::StatusOr<Frame> frame = wired.Take(milliseconds(16));
+    for (int i = 0; i < 5 && ErrorReason(frame.status()) == "FRAME_INCOMPLETE"; ++i) {
+      frame = wired.Take(milliseconds(16));
+    }
+    ASSERT_TRUE(frame.ok()) << frame.status();
+    EXPECT_NEAR(Seconds(frame->exposure), 0.0160008, 1e-9) << "0.8 us more than was set";
+    EXPECT_EQ(frame->exposure_end - frame->exposure_start, frame->exposure);
+    EXPECT_EQ(frame->gain_db, 3);
+    EXPECT_EQ(frame->data.size(), static_cast<size_t>(kWidth) * kHeight);
+  }
+}
+
+TEST(SimGigeChunks, AFrameThatWasNotExposedAsSetIsNotUsed) {
+  Wired wired;
+  absl::Status opened = wired.Open("", /*chunk_data=*/true);
+  ASSERT_TRUE(opened.ok()) << opened;
+  ASSERT_TRUE(wired.Ready().ok());
+  wired.server().Misreport(1.5);
+  absl::StatusOr<Frame> frame = wired.Take(milliseconds(16));
+  for (int i = 0; i < 5 && ErrorReason(frame.status()) == "FRAME_INCOMPLETE"; ++i) {
+    frame = wired.Take(milliseconds(16));
+  }
+  EXPECT_TRUE(absl::IsDataLoss(frame.status())) << frame.status();
+  EXPECT_EQ(ErrorReason(frame.status()), "FRAME_EXPOSURE");
+  EXPECT_EQ(MessageOf(frame.status()),
+            "camera: the frame says ChunkExposureTime = 24000 us, set was 16000 us");
+  wired.server().Misreport(1);
+  frame = wired.Take(milliseconds(16));
+  EXPECT_TRUE(frame.ok() || ErrorReason(frame.status()) == "FRAME_INCOMPLETE") << frame.status();
+}
+
+TEST(SimGigeChunks, CanBeDoneWithout) {
+  Wired wired;
+  absl::Status opened = wired.Open("chunk_data = false\n", /*chunk_data=*/true);
+  ASSERT_TRUE(opened.ok()) << opened;
+  ASSERT_TRUE(wired.Ready().ok());
+  wired.server().Misreport(1.5);
+  absl::StatusOr<Frame> frame = wired.Take(milliseconds(16));
+  for (int i = 0; i < 5 && absl::IsDataLoss(frame.status()); ++i) {
+    frame = wired.Take(milliseconds(16));
+  }
+  ASSERT_TRUE(frame.ok()) << frame.status();
+  EXPECT_EQ(frame->exposure, milliseconds(16));
 }
 
 TEST(SimGige, SecondCameraOnTheInterfaceIsRefused) {
