@@ -67,7 +67,7 @@ unsigned Sample(const GenicamFormat& format, const std::byte* row, int x) {
     return pair >> bit % 8 & ((1u << bits) - 1);
   }
   const std::byte* group = row + ptrdiff_t{x} / 2 * 3;
-  return At(group, x % 2 * 2) << low | (At(group, 1) >> 4 * (x % 2) & ((1u << low) - 1));
+  return At(group, x % 2 == 0 ? 0 : 2) << low | (At(group, 1) >> 4 * (x % 2) & ((1u << low) - 1));
 }
 
 void UnpackRow(const GenicamFormat& format, const std::byte* row, int width, std::byte* out) {
