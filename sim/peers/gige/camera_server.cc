@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <arv.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <spdlog/spdlog.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -82,6 +83,24 @@ absl::StatusOr<std::string> WriteDescription(const GigeCameraOptions& options) {
   return path;
 }
 
+// The fake camera looks whether it shall still stream only when it is asked something: asks it for a register and waits for the answer.
+void AwaitCommand(const std::string& address) {
+  constexpr uint8_t kReadRegister0[] = {0x42, 0x01, 0x00, 0x80, 0, 4, 0, 1, 0, 0, 0, 0};
+  constexpr int kPatienceMs = 1000;
+  sockaddr_in at = {};
+  at.sin_family = AF_INET;
+  at.sin_port = htons(kControlPort);
+  inet_pton(AF_INET, address.c_str(), &at.sin_addr);
+  const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return;
+  pollfd answer = {fd, POLLIN, 0};
+  if (sendto(fd, kReadRegister0, sizeof kReadRegister0, 0, reinterpret_cast<sockaddr*>(&at),
+             sizeof at) > 0) {
+    poll(&answer, 1, kPatienceMs);
+  }
+  close(fd);
+}
+
 // A region's rows, which end with whole bytes, as they are sent.
 std::vector<std::byte> Packed(std::vector<std::byte> region, const GenicamFormat& format) {
   if (format.packing == GenicamPacking::kNone) return region;
@@ -134,12 +153,13 @@ absl::StatusOr<std::unique_ptr<GigeCameraServer>> GigeCameraServer::Start(
 }
 
 absl::Status GigeCameraServer::StartRelay() {
-  ASSIGN_OR_RETURN(relay_, ChunkRelay::Start(options_.address, [this] { return RelayedFrame(); }));
   ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
   in_addr own = {};
   inet_pton(AF_INET, options_.address.c_str(), &own);
   arv_fake_camera_write_register(fake, kStreamAddressRegister, ntohl(own.s_addr));
-  arv_fake_camera_write_register(fake, kStreamPortRegister, relay_->port());
+  ASSIGN_OR_RETURN(relay_, ChunkRelay::Start(
+                               options_.address, [this] { return RelayedFrame(); },
+                               [this](uint16_t port) { return TendStream(port); }));
   return absl::OkStatus();
 }
 
@@ -163,6 +183,27 @@ ChunkRelay::Frame GigeCameraServer::RelayedFrame() const {
     frame.chunks.push_back({kGainChunk, BigEndian(gain_db_)});
   }
   return frame;
+}
+
+// A client that ends its stream clears the port, so that it must be set anew before each acquisition. Hence begin and end of one go
+// through registers of their own. True if a stream has ended.
+bool GigeCameraServer::TendStream(uint16_t port) {
+  ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
+  guint32 start = 0, stop = 0;  // read in this order: what begins anew was ended before
+  arv_fake_camera_read_register(fake, kStartRegister, &start);
+  arv_fake_camera_read_register(fake, kStopRegister, &stop);
+  if (stop != 0) {
+    arv_fake_camera_write_register(fake, kStopRegister, 0);
+    arv_fake_camera_write_register(fake, ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 0);
+    // It looks after it has answered: the second answer comes after the look.
+    for (int i = 0; i < 2; ++i) AwaitCommand(options_.address);
+  }
+  if (start != 0) {
+    arv_fake_camera_write_register(fake, kStartRegister, 0);
+    arv_fake_camera_write_register(fake, kStreamPortRegister, port);
+    arv_fake_camera_write_register(fake, ARV_FAKE_CAMERA_REGISTER_ACQUISITION, 1);
+  }
+  return stop != 0;
 }
 
 void GigeCameraServer::LosePackets(double ratio) {

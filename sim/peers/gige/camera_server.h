@@ -54,6 +54,7 @@ class GigeCameraServer {
   GigeCameraServer(const GigeCameraOptions& options, std::shared_ptr<World> world);
   absl::Status StartRelay();
   ChunkRelay::Frame RelayedFrame() const;
+  bool TendStream(uint16_t port);
   void Expose(ArvBuffer* buffer, Duration exposure, double gain_db, uint32_t code);
 
   const GigeCameraOptions options_;

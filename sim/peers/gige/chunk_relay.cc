@@ -19,7 +19,7 @@ constexpr size_t kPacketIdAt = 5;               // 24 bits
 constexpr size_t kPayloadTypeAt = kHeader + 2;  // of a leader
 constexpr std::byte kChunksFollow{0x40};        // in the type's upper byte
 constexpr uint32_t kImageChunk = 1;
-constexpr int kLookMs = 50;  // for the end
+constexpr int kLookMs = 2;
 
 void PutBig(uint32_t value, std::vector<std::byte>& out) {
   for (int shift = 24; shift >= 0; shift -= 8)
@@ -90,8 +90,9 @@ std::vector<Packet> ChunkAppender::End(Packet trailer, const std::vector<Chunk>&
   return packets;
 }
 
-absl::StatusOr<std::unique_ptr<ChunkRelay>> ChunkRelay::Start(const std::string& address,
-                                                              std::function<Frame()> frame) {
+absl::StatusOr<std::unique_ptr<ChunkRelay>> ChunkRelay::Start(
+    const std::string& address, std::function<Frame()> frame,
+    std::function<bool(uint16_t port)> tend) {
   sockaddr_in at = {};
   at.sin_family = AF_INET;
   inet_pton(AF_INET, address.c_str(), &at.sin_addr);
@@ -104,11 +105,17 @@ absl::StatusOr<std::unique_ptr<ChunkRelay>> ChunkRelay::Start(const std::string&
     close(fd);
     return failed;
   }
-  return std::unique_ptr<ChunkRelay>(new ChunkRelay(fd, ntohs(at.sin_port), std::move(frame)));
+  return std::unique_ptr<ChunkRelay>(
+      new ChunkRelay(fd, ntohs(at.sin_port), std::move(frame), std::move(tend)));
 }
 
-ChunkRelay::ChunkRelay(int socket, uint16_t port, std::function<Frame()> frame)
-    : socket_(socket), port_(port), frame_(std::move(frame)), thread_([this] { Run(); }) {}
+ChunkRelay::ChunkRelay(int socket, uint16_t port, std::function<Frame()> frame,
+                       std::function<bool(uint16_t port)> tend)
+    : socket_(socket),
+      port_(port),
+      frame_(std::move(frame)),
+      tend_(std::move(tend)),
+      thread_([this] { Run(); }) {}
 
 ChunkRelay::~ChunkRelay() {
   stopping_ = true;
@@ -120,6 +127,10 @@ void ChunkRelay::Run() {
   ChunkAppender appender;
   Packet packet;
   while (!stopping_) {
+    if (tend_(port_)) {
+      while (recv(socket_, packet.data(), packet.size(), MSG_DONTWAIT) >= 0) {
+      }
+    }
     pollfd ready = {socket_, POLLIN, 0};
     if (poll(&ready, 1, kLookMs) <= 0) continue;
     packet.resize(65536);

@@ -43,19 +43,23 @@ class ChunkRelay {
     size_t block = 0;           // bytes of data in a packet
     std::vector<Chunk> chunks;  // none: passed as it is
   };
-  // `frame` is asked for every packet, on the relay's thread.
+  // On the relay's thread `frame` is asked for every packet, and `tend` is called at least every 2 ms, with port(). Where it answers
+  // true a stream has ended: what of it has not been passed on is dropped.
   static absl::StatusOr<std::unique_ptr<ChunkRelay>> Start(const std::string& address,
-                                                           std::function<Frame()> frame);
+                                                           std::function<Frame()> frame,
+                                                           std::function<bool(uint16_t port)> tend);
   ~ChunkRelay();
   uint16_t port() const { return port_; }  // where the camera's packets go
 
  private:
-  ChunkRelay(int socket, uint16_t port, std::function<Frame()> frame);
+  ChunkRelay(int socket, uint16_t port, std::function<Frame()> frame,
+             std::function<bool(uint16_t port)> tend);
   void Run();
 
   const int socket_;
   const uint16_t port_;
   const std::function<Frame()> frame_;
+  const std::function<bool(uint16_t port)> tend_;
   std::atomic<bool> stopping_{false};
   std::thread thread_;
 };

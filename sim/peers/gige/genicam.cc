@@ -100,7 +100,8 @@ std::string Chunks() {
       "<Integer Name=\"ArvGevSCPHostPort\"><pValue>ClientPort</pValue></Integer>\n",
       Register("ClientPort", kClientPortRegister),
       "<Integer Name=\"ArvGevSCDA\"><pValue>ClientAddress</pValue></Integer>\n",
-      Register("ClientAddress", kClientAddressRegister));
+      Register("ClientAddress", kClientAddressRegister), Register("Start", kStartRegister),
+      Register("Stop", kStopRegister));
 }
 
 }  // namespace
@@ -146,6 +147,13 @@ absl::StatusOr<std::string> AdaptGenicam(std::string xml, const GigeCameraOption
   xml.insert(xml.find("<!-- Analog control -->"), Lines());
   if (options.chunk_data) {
     xml.insert(xml.find("<!-- Analog control -->"), Chunks());
+    if (absl::StrReplaceAll({{"<pValue>AcquisitionCommandRegister</pValue>\n\t\t<CommandValue>1<",
+                              "<pValue>Start</pValue><CommandValue>1<"},
+                             {"<pValue>AcquisitionCommandRegister</pValue>\n\t\t<CommandValue>0<",
+                              "<pValue>Stop</pValue><CommandValue>1<"}},
+                            &xml) != 2) {
+      return unknown("acquisition");
+    }
     if (absl::StrReplaceAll(
             {{"<Formula>WIDTH * HEIGHT * ((PIXELFORMAT>>16)&amp;0xFF) / 8</Formula>",
               "<pVariable Name=\"CHUNKS\">ChunkModeRegister</pVariable>"

@@ -21,6 +21,7 @@ constexpr uint32_t kChunkSelectorRegister = 0x4064;
 constexpr uint32_t kChunkEnableRegister = 0x4070;  // ExposureTime, 16 bytes further Gain
 constexpr uint32_t kClientPortRegister = 0x4090;
 constexpr uint32_t kClientAddressRegister = 0x4094;
+constexpr uint32_t kStartRegister = 0x4098, kStopRegister = 0x409c;  // of the acquisition
 constexpr uint32_t kExposureChunk = 0x101, kGainChunk = 0x102;  // ids: a big-endian double each
 
 // INTERNAL / PEER_XML if `xml` does not look like Aravis 0.8's.

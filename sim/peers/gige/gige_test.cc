@@ -105,19 +105,25 @@ constexpr char kNoNoise[] = "[simulation.sensor]\nphoton_noise = false\nread_noi
 
 class GigeFixture : public CameraFixture {
  public:
+  explicit GigeFixture(std::string peer_keys) : peer_keys_(std::move(peer_keys)) {}
   Clock& clock() override { return rig_.clock(); }
   absl::StatusOr<std::unique_ptr<Camera>> Open() override {
-    RETURN_IF_ERROR(rig_.Open(kNoNoise));
+    RETURN_IF_ERROR(rig_.Open(kNoNoise, peer_keys_));
     return rig_.TakeCamera();
   }
   int retakes() const override { return 5; }
 
  private:
+  const std::string peer_keys_;
   Rig rig_;
 };
 
-[[maybe_unused]] const bool kConformance =
-    RegisterCameraConformance("SimGige", [] { return std::make_unique<GigeFixture>(); });
+[[maybe_unused]] const bool kConformance = RegisterCameraConformance(
+    "SimGige", [] { return std::make_unique<GigeFixture>("bits = 12\n"); });
+[[maybe_unused]] const bool kConformanceWithChunks =
+    RegisterCameraConformance("SimGigeWithChunks", [] {
+      return std::make_unique<GigeFixture>("bits = 10\npacking = \"p\"\nchunk_data = true\n");
+    });
 
 // ---- The picture
 
