@@ -25,7 +25,7 @@ absl::StatusOr<std::unique_ptr<Camera>> AravisCamera::Open(const AravisOptions& 
   info.identity = {context.name, "aravis", absl::StrCat(caps.vendor, " ", caps.model), caps.serial};
   info.sensor_width = caps.width.max;
   info.sensor_height = caps.height.max;
-  for (const AravisCapabilities::Format& f : caps.formats) info.formats.push_back(f.format);
+  for (const GenicamFormat& f : caps.formats) info.formats.push_back(f.format);
   info.min_exposure = caps.min_exposure;
   info.max_exposure = caps.max_exposure;
   info.exposure_step = caps.exposure_step;
@@ -60,7 +60,7 @@ absl::Status AravisCamera::LostError() const {
   return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
                absl::StrCat(name_,
                             ": control of the camera was lost: it was unplugged, restarted or "
-                            "taken by another program; configure it to connect anew"),
+                            "taken by another program; arm or configure it to connect anew"),
                {{"device", name_}});
 }
 
@@ -72,31 +72,40 @@ void AravisCamera::OnControlLost() {
 
 // ---- The device's thread
 
-absl::Status AravisCamera::DoConfigure(const CameraConfig& config) {
-  if (lost_ || !link_) {
-    configured_ = streaming_ = false;
-    active_.reset();
-    link_.reset();
-    sequence_base_ = last_sequence_;
-    ASSIGN_OR_RETURN(link_, Connect());
-    lost_ = false;
-    if (link_->capabilities().serial != capabilities_.serial ||
-        link_->capabilities().width.max != capabilities_.width.max ||
-        link_->capabilities().height.max != capabilities_.height.max) {
-      lost_ = true;
-      return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                   absl::StrFormat("%s: another camera answers now: serial '%s' instead of '%s'",
-                                   name_, link_->capabilities().serial, capabilities_.serial),
-                   {{"device", name_}, {"serial", link_->capabilities().serial}});
-    }
-    spdlog::info("{}: connected anew", name_);
+absl::Status AravisCamera::ConnectAnew() {
+  streaming_ = false;
+  active_.reset();
+  link_.reset();
+  sequence_base_ = last_sequence_;
+  lost_ = false;  // before: it may get lost again at once
+  ASSIGN_OR_RETURN(link_, Connect());
+  if (link_->capabilities().serial != capabilities_.serial ||
+      link_->capabilities().width.max != capabilities_.width.max ||
+      link_->capabilities().height.max != capabilities_.height.max) {
+    lost_ = true;
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrFormat("%s: another camera answers now: serial '%s' instead of '%s'",
+                                 name_, link_->capabilities().serial, capabilities_.serial),
+                 {{"device", name_}, {"serial", link_->capabilities().serial}});
   }
+  spdlog::info("{}: connected anew", name_);
+  return absl::OkStatus();
+}
+
+absl::Status AravisCamera::DoConfigure(const CameraConfig& config) {
+  asked_ = config;
+  configured_ = false;
+  if (lost_ || !link_) RETURN_IF_ERROR(ConnectAnew());
   ASSIGN_OR_RETURN(config_, link_->Configure(config));
   configured_ = true;
   return absl::OkStatus();
 }
 
-absl::Status AravisCamera::DoArm(const Outstanding& /*operation*/, TimePoint deadline) {
+absl::Status AravisCamera::DoArm(const Outstanding& operation, TimePoint deadline) {
+  if ((lost_ || !link_) && asked_) {
+    RETURN_IF_ERROR(DoConfigure(CameraConfig(*asked_)));
+    if (operation.finished()) return thread_.Late("Arm");
+  }
   return StartStream(deadline);
 }
 
@@ -147,7 +156,7 @@ void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
   shot->used_exposure = *used;
   active_ = shot;
   shot->sent = clock_.Now();
-  if (absl::Status status = link_->SoftwareTrigger(); !status.ok()) {
+  if (absl::Status status = link_->Trigger(); !status.ok()) {
     shot->Fail(status);  // stays active: the camera may have got it
     return;
   }
@@ -165,7 +174,12 @@ void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
 void AravisCamera::OnFirstPacket(uint64_t session, TimePoint time) {
   if (!streaming_ || session != link_->session()) return;
   // A stray frame's packets are sorted out when the frame is taken.
-  if (active_ && time >= active_->sent) active_->EndExposure(time);
+  if (active_ && CanBeOver(*active_, time)) active_->EndExposure(time);
+}
+
+// Some cameras send the head of a frame when they begin to expose it: that says nothing of the end.
+bool AravisCamera::CanBeOver(const Shot& shot, TimePoint time) {
+  return time >= shot.sent + shot.used_exposure;
 }
 
 void AravisCamera::OnBuffer(uint64_t session) {
@@ -182,6 +196,10 @@ void AravisCamera::OnBuffer(uint64_t session) {
 void AravisCamera::FinishActive(AravisLink::Taken taken) {
   std::shared_ptr<Shot> shot = std::move(active_);
   active_.reset();
+  if (absl::Status status = link_->Triggered(); !status.ok()) {
+    spdlog::warn("{}", MessageOf(status));
+    out_of_step_ = true;
+  }
   if (clock_.Now() > shot->deadline) {
     shot->Fail(thread_.Late("the frame"));  // its timer has not come to it yet
     return;
@@ -189,12 +207,13 @@ void AravisCamera::FinishActive(AravisLink::Taken taken) {
   absl::StatusOr<Frame> frame = std::move(taken.frame);
   if (frame.ok()) {
     last_sequence_ = frame->sequence += sequence_base_;
-    frame->exposure = shot->used_exposure;
-    // Triggered between sent and acknowledged; over when its first packet came.
-    TimePoint start = shot->sent + (shot->acknowledged - shot->sent) / 2;
-    frame->exposure_end = std::min(start + shot->used_exposure, taken.first_packet);
-    frame->exposure_start = frame->exposure_end - shot->used_exposure;
-    shot->EndExposure(taken.first_packet);
+    const TimePoint over = CanBeOver(*shot, taken.first_packet) ? taken.first_packet : clock_.Now();
+    // By software: triggered between sent and acknowledged. A line has its own time.
+    const TimePoint start = shot->sent + (shot->acknowledged - shot->sent) / 2;
+    frame->exposure_end =
+        options_.SoftwareTriggered() ? std::min(start + shot->used_exposure, over) : over;
+    frame->exposure_start = frame->exposure_end - frame->exposure;
+    shot->EndExposure(over);
   }
   shot->Finish(std::move(frame));
 }

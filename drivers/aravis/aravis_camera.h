@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 
 #include "drivers/aravis/link.h"
 #include "drivers/link/streaming_camera.h"
@@ -33,7 +34,8 @@ class AravisCamera final : public StreamingCamera {
   absl::Status LostError() const;
 
   // ---- The device's thread.
-  // After control was lost this connects anew, to the same camera.
+  // After control was lost these connect anew, to the same camera, Arm with the configuration that it had.
+  absl::Status ConnectAnew();
   absl::Status DoConfigure(const CameraConfig& config) override;
   absl::Status DoArm(const Outstanding& operation, TimePoint deadline) override;
   absl::Status StartStream(TimePoint deadline);
@@ -42,13 +44,16 @@ class AravisCamera final : public StreamingCamera {
   void OnFirstPacket(uint64_t session, TimePoint time);
   void OnBuffer(uint64_t session);
   void FinishActive(AravisLink::Taken taken);
+  // Whether the exposure can be over at `time`.
+  static bool CanBeOver(const Shot& shot, TimePoint time);
 
   const AravisOptions options_;
   AravisCapabilities capabilities_;
 
   // The device's thread only, once it runs.
   std::unique_ptr<AravisLink> link_;
-  bool configured_ = false;
+  std::optional<CameraConfig> asked_;  // the last configuration
+  bool configured_ = false;            // with it
   bool streaming_ = false;
   bool out_of_step_ =
       false;  // a frame came or stayed away that nobody can tell: start the stream anew

@@ -1,9 +1,13 @@
 // The driver against Aravis' own fake camera, over real GVCP and GVSP on a loopback of this process' own.
 #include "drivers/aravis/aravis_camera.h"
 
+#include <arv.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
 
 #include <optional>
+#include <sstream>
 
 #include "drivers/aravis/driver.h"
 #include "drivers/aravis/fake_camera_process.h"
@@ -103,6 +107,21 @@ class AravisCameraTest : public testing::Test {
   std::unique_ptr<Camera> camera_;
 };
 
+// What is logged while it lives.
+class Log {
+ public:
+  Log() : before_(spdlog::default_logger()) {
+    spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+        "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(text_)));
+  }
+  ~Log() { spdlog::set_default_logger(before_); }
+  std::string text() const { return text_.str(); }
+
+ private:
+  std::ostringstream text_;
+  const std::shared_ptr<spdlog::logger> before_;
+};
+
 constexpr CameraConfig kSmall{PixelFormat::kMono8, 160, 120, 0};
 
 // The fake camera's picture: a diagonal ramp (x + y + frame id) mod 255 at 10 ms and gain 0.
@@ -178,6 +197,21 @@ TEST_F(AravisCameraTest, VirtualTimeIsRefused) {
 }
 
 // Lost packets make frames fail, never wrong; and the camera stays usable.
+TEST_F(AravisCameraTest, StreamsThatLosePacketsAreToldInTheLog) {
+  Log log;
+  Start(/*lost_per_mille=*/100);
+  ASSERT_TRUE(Open(Options()).ok());
+  absl::Status ready = Ready(kSmall);
+  ASSERT_TRUE(ready.ok()) << ready;
+  for (int i = 0; i < 200; ++i) {
+    absl::StatusOr<Frame> frame = Take(milliseconds(10), seconds(1));
+    if (ErrorReason(frame.status()) == "FRAME_INCOMPLETE") break;
+  }
+  camera_.reset();
+  EXPECT_NE(log.text().find("camera: the stream loses data: "), std::string::npos) << log.text();
+  EXPECT_NE(log.text().find("camera: the stream ends: "), std::string::npos) << log.text();
+}
+
 TEST_F(AravisCameraTest, LostPacketsAreRetakeableErrorsNeverBadFrames) {
   Start(/*lost_per_mille=*/40);
   ASSERT_TRUE(Open(Options()).ok());
@@ -253,6 +287,82 @@ TEST_F(AravisCameraTest, LostCameraIsReportedAndCanComeBack) {
   absl::StatusOr<Frame> after = TakeWithRetakes(milliseconds(10));
   ASSERT_TRUE(after.ok()) << after.status();
   EXPECT_GT(after->sequence, before->sequence);
+}
+
+// Restarted while armed, as after a power cut: what it was configured to is applied again by Arm alone.
+TEST_F(AravisCameraTest, RestartedCameraIsConnectedAnewByArm) {
+  Start();
+  ASSERT_TRUE(Open(Options()).ok());
+  ASSERT_TRUE(Ready(kSmall).ok());
+  process_->Kill();
+  Start();
+  absl::Status status;
+  const TimePoint give_up = clock_.Now() + seconds(60);
+  while (ErrorReason(status) != "DEVICE_LOST" && clock_.Now() < give_up) {
+    SleepFor(clock_, milliseconds(300));
+    status = Take(milliseconds(10), milliseconds(100)).status();
+    EXPECT_FALSE(status.ok()) << "the new camera streams to nobody";
+  }
+  EXPECT_EQ(ErrorReason(status), "DEVICE_LOST") << status;
+  EXPECT_TRUE(Do([&](TimePoint deadline, Completion<CameraConfig> done) {
+                camera_->Disarm(deadline, std::move(done));
+              }).ok());
+  absl::StatusOr<CameraConfig> armed = Do([&](TimePoint deadline, Completion<CameraConfig> done) {
+    camera_->Arm(deadline, std::move(done));
+  });
+  ASSERT_TRUE(armed.ok()) << armed.status();
+  EXPECT_EQ(*armed, kSmall);
+  absl::StatusOr<Frame> after = TakeWithRetakes(milliseconds(10));
+  ASSERT_TRUE(after.ok()) << after.status();
+  EXPECT_TRUE(IsDiagonalRamp(*after));
+}
+
+// A camera that is reached in another way than GigE, as USB3 Vision is: Aravis' fake one within the process. It streams freely, so that no
+// more than opening and configuring it can be shown.
+TEST_F(AravisCameraTest, CamerasThatAreNotGigEAreOpenedWithoutItsSettings) {
+  arv_enable_interface("Fake");
+  AravisOptions options;
+  options.serial = "1";
+  absl::Status opened = Open(options);
+  EXPECT_TRUE(opened.ok()) << opened;
+  if (opened.ok()) {
+    absl::StatusOr<CameraConfig> configured =
+        Do([&](TimePoint deadline, Completion<CameraConfig> done) {
+          camera_->Configure(kSmall, deadline, std::move(done));
+        });
+    EXPECT_TRUE(configured.ok()) << configured.status();
+  }
+  options.packet_timeout = milliseconds(40);
+  opened = Open(options);
+  EXPECT_EQ(ErrorReason(opened), "DEVICE_UNSUITABLE") << opened;
+  EXPECT_NE(opened.message().find("packet_timeout_ms"), std::string_view::npos) << opened;
+  arv_disable_interface("Fake");
+}
+
+// Aravis' own fake camera has one input line, of one edge, and no outputs.
+TEST_F(AravisCameraTest, LinesThatTheCameraHasNotAreRefused) {
+  Start();
+  const auto refusal = [&](auto change) {
+    AravisOptions options = Options();
+    change(options);
+    absl::Status opened = Open(options);
+    EXPECT_EQ(ErrorReason(opened), "DEVICE_UNSUITABLE") << opened;
+    return MessageOf(opened);
+  };
+  EXPECT_EQ(refusal([](AravisOptions& options) {
+              options.trigger_source = "Line1";
+              options.trigger_activation = "RisingEdge";
+            }),
+            "camera: trigger_source needs TriggerSource = Line1; the camera has Line0, Software");
+  EXPECT_EQ(refusal([](AravisOptions& options) {
+              options.trigger_source = "Line0";
+              options.trigger_activation = "FallingEdge";
+            }),
+            "camera: trigger_activation needs TriggerActivation = FallingEdge; the camera has "
+            "RisingEdge");
+  EXPECT_EQ(refusal([](AravisOptions& options) { options.exposure_active_line = "Line1"; }),
+            "camera: exposure_active_line needs LineSelector = Line1; the camera has no "
+            "LineSelector");
 }
 
 TEST_F(AravisCameraTest, ClosingWithADeadCameraEnds) {

@@ -2,40 +2,30 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
+#include <numeric>
 
 #include "absl/strings/str_format.h"
 
 namespace lightstage {
 namespace {
 
-using Format = AravisCapabilities::Format;
-
-// GenICam PFNC codes, best first for each of our formats. Unpacked 10 to 14-bit formats are little-endian in the low bits of 16.
-constexpr Format kUsable[] = {
-    {PixelFormat::kMono8, 0x01080001, 8},      {PixelFormat::kMono16, 0x01100007, 16},
-    {PixelFormat::kMono16, 0x01100025, 14},    {PixelFormat::kMono16, 0x01100005, 12},
-    {PixelFormat::kMono16, 0x01100003, 10},    {PixelFormat::kBayerRG8, 0x01080009, 8},
-    {PixelFormat::kBayerGR8, 0x01080008, 8},   {PixelFormat::kBayerGB8, 0x0108000a, 8},
-    {PixelFormat::kBayerBG8, 0x0108000b, 8},   {PixelFormat::kBayerRG16, 0x0110002f, 16},
-    {PixelFormat::kBayerRG16, 0x01100011, 12}, {PixelFormat::kBayerRG16, 0x0110000d, 10},
-    {PixelFormat::kBayerGR16, 0x0110002e, 16}, {PixelFormat::kBayerGR16, 0x01100010, 12},
-    {PixelFormat::kBayerGR16, 0x0110000c, 10}, {PixelFormat::kBayerGB16, 0x01100030, 16},
-    {PixelFormat::kBayerGB16, 0x01100012, 12}, {PixelFormat::kBayerGB16, 0x0110000e, 10},
-    {PixelFormat::kBayerBG16, 0x01100031, 16}, {PixelFormat::kBayerBG16, 0x01100013, 12},
-    {PixelFormat::kBayerBG16, 0x0110000f, 10}, {PixelFormat::kRGB8, 0x02180014, 8},
-    {PixelFormat::kRGB16, 0x02300033, 16},     {PixelFormat::kRGB16, 0x0230001a, 12},
-    {PixelFormat::kRGB16, 0x02300018, 10},
-};
+// The widths whose packed rows end with a byte.
+AravisCapabilities::Size InGroups(AravisCapabilities::Size width, int group) {
+  for (int i = 0; i < group && width.min % group != 0; ++i) width.min += width.step;
+  width.step = std::lcm(width.step, group);
+  return width;
+}
 
 }  // namespace
 
-std::vector<Format> UsableFormats(const std::vector<uint32_t>& codes) {
-  std::vector<Format> formats;
-  for (const Format& candidate : kUsable) {
+std::vector<GenicamFormat> UsableFormats(const std::vector<uint32_t>& codes,
+                                         std::string_view only) {
+  std::vector<GenicamFormat> formats;
+  for (const GenicamFormat& candidate : GenicamFormats()) {
+    if (!only.empty() && candidate.name != only) continue;
     bool offered = std::find(codes.begin(), codes.end(), candidate.code) != codes.end();
     bool have = std::any_of(formats.begin(), formats.end(),
-                            [&](const Format& f) { return f.format == candidate.format; });
+                            [&](const GenicamFormat& f) { return f.format == candidate.format; });
     if (offered && !have) formats.push_back(candidate);
   }
   return formats;
@@ -55,8 +45,8 @@ double AravisCapabilities::MaxGainDb() const {
   return 0;
 }
 
-const Format* AravisCapabilities::Find(PixelFormat format) const {
-  for (const Format& f : formats) {
+const GenicamFormat* AravisCapabilities::Find(PixelFormat format) const {
+  for (const GenicamFormat& f : formats) {
     if (f.format == format) return &f;
   }
   return nullptr;
@@ -65,16 +55,19 @@ const Format* AravisCapabilities::Find(PixelFormat format) const {
 ConfigResult AravisCapabilities::Validate(const CameraConfig& config) const {
   ConfigResult result{ConfigVerdict::kValid, config, {}};
   bool possible = true;
-  if (!Find(config.format)) {
+  const GenicamFormat* genicam = Find(config.format);
+  if (!genicam) {
     std::string offered;
-    for (const Format& f : formats) {
+    for (const GenicamFormat& f : formats) {
       absl::StrAppend(&offered, offered.empty() ? "" : ", ", PixelFormatName(f.format));
     }
     result.notes.push_back(absl::StrFormat("format: %s is not offered; the camera has %s",
                                            PixelFormatName(config.format), offered));
     possible = false;
   }
-  possible &= FitSide("width", width.min, width.max, width.step, result.config.width, result.notes);
+  const Size widths = InGroups(width, genicam ? PixelsPerGroup(*genicam) : 1);
+  possible &=
+      FitSide("width", widths.min, widths.max, widths.step, result.config.width, result.notes);
   possible &=
       FitSide("height", height.min, height.max, height.step, result.config.height, result.notes);
   if (!std::isfinite(config.gain_db)) {
@@ -98,6 +91,11 @@ ConfigResult AravisCapabilities::Validate(const CameraConfig& config) const {
     result.verdict = ConfigVerdict::kAdjusted;
   }
   return result;
+}
+
+bool AravisCapabilities::SameExposure(Duration set, Duration said) const {
+  const Duration step = std::max<Duration>(exposure_step, std::chrono::microseconds(1));
+  return std::chrono::abs(said - set) <= step;
 }
 
 ExposureResult AravisCapabilities::ValidateExposure(Duration exposure) const {

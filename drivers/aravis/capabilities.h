@@ -4,18 +4,15 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "drivers/api/camera.h"
+#include "drivers/aravis/pixel_formats.h"
 
 namespace lightstage {
 
 struct AravisCapabilities {
-  struct Format {
-    PixelFormat format;
-    uint32_t code = 0;         // GenICam's 32-bit pixel format code
-    int significant_bits = 8;  // of a sample
-  };
   struct Size {
     int min = 1, max = 0, step = 1;
     int offset_step = 1;
@@ -24,7 +21,7 @@ struct AravisCapabilities {
   enum class Gain { kNone, kDecibels, kRaw };
 
   std::string vendor, model, serial;
-  std::vector<Format> formats;
+  std::vector<GenicamFormat> formats;
   Size width, height;  // maxima are the sensor's
   Duration min_exposure{}, max_exposure{}, exposure_step{};
   Gain gain = Gain::kNone;
@@ -33,14 +30,18 @@ struct AravisCapabilities {
 
   double MinGainDb() const;
   double MaxGainDb() const;
-  const Format* Find(PixelFormat format) const;
+  const GenicamFormat* Find(PixelFormat format) const;
 
   ConfigResult Validate(const CameraConfig& config) const;
   ExposureResult ValidateExposure(Duration exposure) const;
+  // Whether a frame that says it was exposed for `said` may have been exposed for `set`: they differ by a step at most (by 1 us, the
+  // unit of GenICam, if the camera's is finer or unknown).
+  bool SameExposure(Duration set, Duration said) const;
 };
 
-// The formats of drivers/api that can be served by a camera with these GenICam codes: for each, the camera's format with the
-// most bits per sample. Packed formats are not used.
-std::vector<AravisCapabilities::Format> UsableFormats(const std::vector<uint32_t>& codes);
+// The formats of drivers/api that can be served by a camera with these GenICam codes: for each, the camera's best one. If `only` is a
+// name, that one alone.
+std::vector<GenicamFormat> UsableFormats(const std::vector<uint32_t>& codes,
+                                         std::string_view only = {});
 
 }  // namespace lightstage

@@ -23,14 +23,24 @@ AravisCapabilities Camera() {
   return caps;
 }
 
-TEST(UsableFormats, DeepestUnpackedFormatServes16Bit) {
+TEST(UsableFormats, DeepestFormatServes16Bit) {
   auto formats = UsableFormats({0x01100003, 0x01100005, 0x010c0006, 0x01080009});
   ASSERT_EQ(formats.size(), 2u);
   EXPECT_EQ(formats[0].format, PixelFormat::kMono16);
-  EXPECT_EQ(formats[0].code, 0x01100005u);  // Mono12 before Mono10; Mono12Packed not at all
+  EXPECT_EQ(formats[0].name, "Mono12");  // before Mono10 and Mono12Packed
   EXPECT_EQ(formats[0].significant_bits, 12);
   EXPECT_EQ(formats[1].format, PixelFormat::kBayerRG8);
-  EXPECT_TRUE(UsableFormats({0x010c0006}).empty());
+  formats = UsableFormats({0x010c0006, 0x01100003});
+  ASSERT_EQ(formats.size(), 1u);
+  EXPECT_EQ(formats[0].name, "Mono12Packed") << "before Mono10";
+  EXPECT_TRUE(UsableFormats({0x01080002}).empty()) << "Mono8s";
+}
+
+TEST(UsableFormats, TheNamedOneAlone) {
+  auto formats = UsableFormats({0x01100005, 0x010c0047, 0x01080001}, "Mono12p");
+  ASSERT_EQ(formats.size(), 1u);
+  EXPECT_EQ(formats[0].code, 0x010c0047u);
+  EXPECT_TRUE(UsableFormats({0x01100005}, "Mono12p").empty());
 }
 
 TEST(CentredOffset, IsCentredToItsStep) {
@@ -52,6 +62,20 @@ TEST(Validate, SizesAreRoundedDownToTheStepAndSaid) {
   EXPECT_EQ(result.config.height, 1200);
   ASSERT_EQ(result.notes.size(), 2u);
   EXPECT_EQ(result.notes[0], "width: 1001 asked, 992 possible (16 to 1920 in steps of 16)");
+}
+
+// A row of a packed format ends with a byte.
+TEST(Validate, PackedRowsAreWholeGroups) {
+  AravisCapabilities caps = Camera();
+  caps.width = {1, 63, 1, 1, true};
+  caps.formats = UsableFormats({0x010c0047}, "Mono12p");
+  EXPECT_EQ(caps.Validate({PixelFormat::kMono16, 62, 64, 0}).verdict, ConfigVerdict::kValid);
+  ConfigResult result = caps.Validate({PixelFormat::kMono16, 63, 64, 0});
+  EXPECT_EQ(result.verdict, ConfigVerdict::kAdjusted);
+  ASSERT_EQ(result.notes.size(), 1u);
+  EXPECT_EQ(result.notes[0], "width: 63 asked, 62 possible (2 to 63 in steps of 2)");
+  caps.formats = UsableFormats({0x010a0046}, "Mono10p");
+  EXPECT_EQ(caps.Validate({PixelFormat::kMono16, 63, 64, 0}).config.width, 60);
 }
 
 TEST(Validate, MissingFormatNamesWhatThereIs) {
@@ -79,6 +103,16 @@ TEST(Validate, RawGainNeedsItsUnit) {
   ConfigResult result = caps.Validate({PixelFormat::kMono8, 64, 64, 1.7});
   EXPECT_EQ(result.verdict, ConfigVerdict::kAdjusted);
   EXPECT_DOUBLE_EQ(result.config.gain_db, 1.5);
+}
+
+TEST(SameExposure, DiffersByAStepAtMost) {
+  AravisCapabilities caps = Camera();
+  EXPECT_TRUE(caps.SameExposure(microseconds(500), nanoseconds(499100)));
+  EXPECT_FALSE(caps.SameExposure(microseconds(500), nanoseconds(498900)));
+  caps.exposure_step = microseconds(20);
+  EXPECT_TRUE(caps.SameExposure(microseconds(500), microseconds(520)));
+  EXPECT_FALSE(caps.SameExposure(microseconds(500), microseconds(521)));
+  EXPECT_FALSE(caps.SameExposure(microseconds(500), microseconds(0)));
 }
 
 TEST(ValidateExposure, RangeAndStep) {

@@ -1,11 +1,13 @@
 #include "drivers/aravis/link.h"
 
 #include <arv.h>
+#include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 
 namespace lightstage {
 namespace {
@@ -93,6 +95,35 @@ absl::Status AravisLink::Check(const _GError* error, std::string_view operation)
       {{"device", name_}, {"operation", std::string(operation)}, {"detail", error->message}});
 }
 
+absl::Status AravisLink::Unsuitable(const std::string& message) const {
+  return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+               absl::StrCat(name_, ": ", message), {{"device", name_}});
+}
+
+std::vector<std::string> AravisLink::Choices(const char* feature) const {
+  guint count = 0;
+  const char** names =
+      arv_camera_dup_available_enumerations_as_strings(camera_, feature, &count, nullptr);
+  std::vector<std::string> choices(names, names + count);
+  g_free(names);
+  return choices;
+}
+
+absl::Status AravisLink::Choose(const char* feature, const std::string& value,
+                                std::string_view key) {
+  // What can not be changed, as the direction of many lines, may be right already.
+  if (OrEmpty(arv_camera_get_string(camera_, feature, nullptr)) == value) return absl::OkStatus();
+  const std::vector<std::string> choices = Choices(feature);
+  if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
+    return Unsuitable(absl::StrFormat(
+        "%s needs %s = %s; the camera has %s", key, feature, value,
+        choices.empty() ? absl::StrCat("no ", feature) : absl::StrJoin(choices, ", ")));
+  }
+  GErrorSlot error;
+  arv_camera_set_string(camera_, feature, value.c_str(), error.out());
+  return Check(error.get(), absl::StrFormat("setting %s to %s", feature, value));
+}
+
 std::vector<Discovered> DiscoverAravis() {
   arv_update_device_list();
   std::vector<Discovered> found;
@@ -121,6 +152,7 @@ AravisLink::AravisLink(const AravisOptions& options, std::string name, Clock& cl
 AravisLink::~AravisLink() {
   StopStream();
   if (!camera_) return;
+  g_clear_object(&chunks_);
   if (lost_handler_ != 0)
     g_signal_handler_disconnect(arv_camera_get_device(camera_), lost_handler_);
   g_object_unref(camera_);
@@ -133,6 +165,7 @@ absl::StatusOr<std::unique_ptr<AravisLink>> AravisLink::Open(const AravisOptions
   RETURN_IF_ERROR(link->Connect());
   RETURN_IF_ERROR(link->Prepare());
   RETURN_IF_ERROR(link->ReadCapabilities());
+  RETURN_IF_ERROR(link->PrepareChunks());
   return link;
 }
 
@@ -164,7 +197,9 @@ absl::Status AravisLink::Connect() {
   capabilities_.vendor = OrEmpty(arv_camera_get_vendor_name(camera_, nullptr));
   capabilities_.model = OrEmpty(arv_camera_get_model_name(camera_, nullptr));
   capabilities_.serial = OrEmpty(arv_camera_get_device_serial_number(camera_, nullptr));
-  if (!options_.serial.empty() && capabilities_.serial != options_.serial) {
+  // A camera that was found by its serial is the one, even if it gives itself another one than the bus does (USB3 Vision).
+  if (!options_.address.empty() && !options_.serial.empty() &&
+      capabilities_.serial != options_.serial) {
     return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
                  absl::StrFormat("%s: the camera at '%s' has serial '%s', the rig file wants '%s'",
                                  name_, target, capabilities_.serial, options_.serial),
@@ -197,6 +232,8 @@ absl::Status AravisLink::Connect() {
                                  name_, target),
                  {{"device", name_}, {"address", target}});
   }
+  // The other mode does not say when a frame begins.
+  if (arv_camera_is_uv_device(camera_)) arv_camera_uv_set_usb_mode(camera_, ARV_UV_USB_MODE_SYNC);
   auto lost =
       +[](ArvDevice*, gpointer self) { static_cast<AravisLink*>(self)->events_.control_lost(); };
   lost_handler_ = g_signal_connect(device, "control-lost", G_CALLBACK(lost), this);
@@ -209,13 +246,10 @@ absl::Status AravisLink::Prepare() {
   arv_camera_stop_acquisition(camera_, error.out());
   RETURN_IF_ERROR(Check(error.get(), "stopping the acquisition"));
   if (!arv_camera_is_software_trigger_supported(camera_, nullptr)) {
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrCat(name_, ": the camera has no software trigger"), {{"device", name_}});
+    return Unsuitable("the camera has no software trigger");
   }
   if (!arv_camera_is_exposure_time_available(camera_, nullptr)) {
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrCat(name_, ": the camera's exposure time can not be set"),
-                 {{"device", name_}});
+    return Unsuitable("the camera's exposure time can not be set");
   }
   if (arv_camera_is_exposure_auto_available(camera_, nullptr)) {
     arv_camera_set_exposure_time_auto(camera_, ARV_AUTO_OFF, error.out());
@@ -236,26 +270,100 @@ absl::Status AravisLink::Prepare() {
     }
   }
   arv_camera_set_acquisition_mode(camera_, ARV_ACQUISITION_MODE_CONTINUOUS, error.out());
-  return Check(error.get(), "setting the acquisition mode");
+  RETURN_IF_ERROR(Check(error.get(), "setting the acquisition mode"));
+  return PrepareLines();
 }
 
-absl::Status AravisLink::ReadCapabilities() {
-  GErrorSlot error;
-  AravisCapabilities& caps = capabilities_;
+// Asks for each of them once, so that a camera that lacks one is refused when it is opened.
+absl::Status AravisLink::PrepareLines() {
+  if (!options_.SoftwareTriggered()) {
+    RETURN_IF_ERROR(TurnTriggerOn());
+    RETURN_IF_ERROR(Choose("TriggerSource", options_.trigger_source, "trigger_source"));
+  }
+  if (options_.exposure_active_line.empty()) return absl::OkStatus();
+  constexpr char kKey[] = "exposure_active_line";
+  RETURN_IF_ERROR(Choose("LineSelector", options_.exposure_active_line, kKey));
+  RETURN_IF_ERROR(Choose("LineMode", "Output", kKey));
+  return Choose("LineSource", "ExposureActive", kKey);
+}
 
+// Frames shall say how they were exposed. Number and time of a frame are in its leader anyway.
+absl::Status AravisLink::PrepareChunks() {
+  if (!arv_camera_are_chunks_available(camera_, nullptr)) return absl::OkStatus();
+  GErrorSlot error;
+  const std::vector<std::string> selectors = Choices("ChunkSelector");
+  const auto has = [&](const char* selector, const char* feature) {
+    return options_.chunk_data &&
+           std::find(selectors.begin(), selectors.end(), selector) != selectors.end() &&
+           arv_camera_is_feature_available(camera_, feature, nullptr);
+  };
+  exposure_chunk_ = has("ExposureTime", "ChunkExposureTime");
+  gain_chunk_ =
+      capabilities_.gain == AravisCapabilities::Gain::kDecibels && has("Gain", "ChunkGain");
+  const bool wanted = exposure_chunk_ || gain_chunk_;
+  if (wanted != static_cast<bool>(arv_camera_get_chunk_mode(camera_, nullptr))) {
+    arv_camera_set_chunk_mode(camera_, wanted, error.out());
+    RETURN_IF_ERROR(Check(error.get(), "setting ChunkModeActive"));
+  }
+  for (const auto& [selector, on] :
+       {std::pair{"ExposureTime", exposure_chunk_}, {"Gain", gain_chunk_}}) {
+    if (on) arv_camera_set_chunk_state(camera_, selector, TRUE, error.out());
+    RETURN_IF_ERROR(Check(error.get(), absl::StrCat("turning on the chunk ", selector)));
+  }
+  if (wanted) chunks_ = arv_camera_create_chunk_parser(camera_);
+  return absl::OkStatus();
+}
+
+// Puts into `frame` what it says of itself.
+absl::Status AravisLink::ReadChunks(ArvBuffer* buffer, Frame& frame) {
+  GErrorSlot error;
+  const auto silent = [&](std::string_view chunk) {
+    return Error(absl::StatusCode::kDataLoss, "FRAME_INCOMPLETE",
+                 absl::StrFormat("%s: the frame carries no %s: %s; chunk_data = false does without",
+                                 name_, chunk, error.message()),
+                 {{"device", name_}, {"chunk", std::string(chunk)}});
+  };
+  if (exposure_chunk_) {
+    const double us =
+        arv_chunk_parser_get_float_value(chunks_, buffer, "ChunkExposureTime", error.out());
+    if (error.get()) return silent("ChunkExposureTime");
+    frame.exposure = Microseconds(us);
+    if (!capabilities_.SameExposure(used_exposure_, frame.exposure)) {
+      return Error(absl::StatusCode::kDataLoss, "FRAME_EXPOSURE",
+                   absl::StrFormat("%s: the frame says ChunkExposureTime = %g us, set was %g us",
+                                   name_, us, Seconds(used_exposure_) * 1e6),
+                   {{"device", name_}, {"exposure_us", absl::StrCat(us)}});
+    }
+  }
+  if (gain_chunk_) {
+    const double gain = arv_chunk_parser_get_float_value(chunks_, buffer, "ChunkGain", error.out());
+    if (error.get()) return silent("ChunkGain");
+    frame.gain_db = gain;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status AravisLink::ReadFormats() {
+  GErrorSlot error;
   unsigned int count = 0;
   gint64* codes = arv_camera_dup_available_pixel_formats(camera_, &count, error.out());
   RETURN_IF_ERROR(Check(error.get(), "reading the pixel formats"));
   std::vector<uint32_t> offered(codes, codes + count);
   g_free(codes);
-  caps.formats = UsableFormats(offered);
-  if (caps.formats.empty()) {
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrCat(name_,
-                              ": none of the camera's pixel formats can be used; wanted are "
-                              "unpacked Mono, Bayer or RGB of 8 to 16 bits"),
-                 {{"device", name_}});
-  }
+  capabilities_.formats = UsableFormats(offered, options_.pixel_format);
+  if (!capabilities_.formats.empty()) return absl::OkStatus();
+  const std::string has = absl::StrJoin(Choices("PixelFormat"), ", ");
+  return Unsuitable(options_.pixel_format.empty()
+                        ? absl::StrCat("none of the camera's pixel formats can be used: it has ",
+                                       has, "; wanted are Mono, Bayer or RGB of 8 to 16 bits")
+                        : absl::StrFormat("PixelFormat %s is asked for; the camera has %s",
+                                          options_.pixel_format, has));
+}
+
+absl::Status AravisLink::ReadCapabilities() {
+  RETURN_IF_ERROR(ReadFormats());
+  GErrorSlot error;
+  AravisCapabilities& caps = capabilities_;
 
   bool offsets = arv_camera_is_region_offset_available(camera_, nullptr);
   gint low = 0, high = 0;
@@ -305,7 +413,7 @@ absl::Status AravisLink::ReadGain() {
 absl::StatusOr<CameraConfig> AravisLink::Configure(const CameraConfig& config) {
   GErrorSlot error;
   const AravisCapabilities& caps = capabilities_;
-  const AravisCapabilities::Format* format = caps.Find(config.format);
+  const GenicamFormat* format = caps.Find(config.format);
   arv_camera_set_pixel_format(camera_, format->code, error.out());
   RETURN_IF_ERROR(Check(error.get(), "setting the pixel format"));
 
@@ -372,6 +480,15 @@ void AravisLink::OnStream(void* self, int type) {
   }
 }
 
+// By software also where a line will trigger: the line is listened to only while a frame is asked for.
+absl::Status AravisLink::TurnTriggerOn() {
+  GErrorSlot error;
+  arv_camera_set_trigger(camera_, "Software", error.out());
+  RETURN_IF_ERROR(Check(error.get(), "turning the software trigger on"));
+  if (options_.SoftwareTriggered()) return absl::OkStatus();
+  return Choose("TriggerActivation", options_.trigger_activation, "trigger_activation");
+}
+
 absl::Status AravisLink::CreateStream() {
   GErrorSlot error;
   guint payload = arv_camera_get_payload(camera_, error.out());
@@ -408,14 +525,14 @@ absl::Status AravisLink::StartStream(const CameraConfig& config, TimePoint deadl
   ++session_;
   config_ = config;
   last_frame_id_.reset();
+  counts_log_.Restart();
   {
     MutexLock lock(&starts_mutex_);
     starts_.clear();
   }
   RETURN_IF_ERROR(CreateStream());
+  RETURN_IF_ERROR(TurnTriggerOn());
   GErrorSlot error;
-  arv_camera_set_trigger(camera_, "Software", error.out());
-  RETURN_IF_ERROR(Check(error.get(), "turning the software trigger on"));
   arv_camera_start_acquisition(camera_, error.out());
   RETURN_IF_ERROR(Check(error.get(), "starting the acquisition"));
   return WarmUp(deadline);
@@ -459,6 +576,9 @@ void AravisLink::StopStream() {
   reporting_ = false;
   if (!stream_) return;
   if (answers_) arv_camera_stop_acquisition(camera_, nullptr);
+  const StreamCounts counts = Counts();
+  spdlog::log(counts.AnythingWrong() ? spdlog::level::warn : spdlog::level::info,
+              "{}: the stream ends: {}", name_, Text(counts));
   g_clear_object(&stream_);  // joins its thread
 }
 
@@ -481,6 +601,16 @@ absl::Status AravisLink::SoftwareTrigger() {
   return Check(error.get(), "triggering");
 }
 
+absl::Status AravisLink::Trigger() {
+  if (options_.SoftwareTriggered()) return SoftwareTrigger();
+  return Choose("TriggerSource", options_.trigger_source, "trigger_source");
+}
+
+absl::Status AravisLink::Triggered() {
+  if (options_.SoftwareTriggered()) return absl::OkStatus();
+  return Choose("TriggerSource", "Software", "trigger_source");
+}
+
 std::optional<AravisLink::Taken> AravisLink::TakeBuffer() {
   if (!stream_) return std::nullopt;
   ArvBuffer* buffer = arv_stream_try_pop_buffer(stream_);
@@ -488,9 +618,22 @@ std::optional<AravisLink::Taken> AravisLink::TakeBuffer() {
   return Take(buffer);
 }
 
+StreamCounts AravisLink::Counts() const {
+  guint64 completed = 0, failed = 0, underruns = 0, resent = 0, missing = 0, requested = 0;
+  arv_stream_get_statistics(stream_, &completed, &failed, &underruns);
+  if (ARV_IS_GV_STREAM(stream_)) {
+    arv_gv_stream_get_statistics(ARV_GV_STREAM(stream_), &resent, &missing);
+    requested = arv_stream_get_info_uint64_by_name(stream_, "n_resend_requests");
+  }
+  return {completed, failed, underruns, missing, requested, resent};
+}
+
 AravisLink::Taken AravisLink::Take(ArvBuffer* buffer) {
   Taken taken{clock_.Now(), ToFrame(buffer)};
   arv_stream_push_buffer(stream_, buffer);
+  if (auto lost = counts_log_.Look(Counts(), clock_.Now())) {
+    spdlog::warn("{}: the stream loses data: {}", name_, *lost);
+  }
   // Frames end in the order in which they began, and each was noted before it was filled.
   MutexLock lock(&starts_mutex_);
   if (!starts_.empty()) {
@@ -527,7 +670,7 @@ absl::StatusOr<Frame> AravisLink::ToFrame(ArvBuffer* buffer) {
       type != ARV_BUFFER_PAYLOAD_TYPE_EXTENDED_CHUNK_DATA) {
     return incomplete(absl::StrCat("payload type ", type, " is no image"));
   }
-  const AravisCapabilities::Format* format = capabilities_.Find(config_.format);
+  const GenicamFormat* format = capabilities_.Find(config_.format);
   uint32_t code = arv_buffer_get_image_pixel_format(buffer);
   int width = arv_buffer_get_image_width(buffer), height = arv_buffer_get_image_height(buffer);
   if (code != format->code || width != config_.width || height != config_.height) {
@@ -536,27 +679,26 @@ absl::StatusOr<Frame> AravisLink::ToFrame(ArvBuffer* buffer) {
   }
   gint x_padding = 0, y_padding = 0;
   arv_buffer_get_image_padding(buffer, &x_padding, &y_padding);
-  size_t row =
-      static_cast<size_t>(width) * SamplesPerPixel(format->format) * BytesPerSample(format->format);
-  size_t stride = row + x_padding;
+  const size_t stride = GenicamRowBytes(*format, width) + x_padding;
   size_t size = 0;
   const void* data = arv_buffer_get_image_data(buffer, &size);
-  if (!data || size < stride * (height - 1) + row) {
-    return incomplete(absl::StrFormat("%d bytes of %d", size, stride * height));
-  }
 
   Frame frame;
   frame.format = format->format;
   frame.width = width;
   frame.height = height;
   frame.significant_bits = format->significant_bits;
+  frame.exposure = used_exposure_;
   frame.gain_db = config_.gain_db;
   frame.device_timestamp_ns = static_cast<int64_t>(arv_buffer_get_timestamp(buffer));
   frame.sequence = NextSequence(id);
-  frame.data.resize(row * height);
-  for (int y = 0; y < height; ++y) {
-    std::memcpy(frame.data.data() + y * row, static_cast<const std::byte*>(data) + y * stride, row);
+  frame.data = UnpackGenicam(*format, {static_cast<const std::byte*>(data), data ? size : 0}, width,
+                             height, stride);
+  if (frame.data.empty()) {
+    return incomplete(absl::StrFormat("%d bytes of %d", size, stride * height));
   }
+  // libaravis does not tell of every transport whether a frame carries any.
+  if (arv_buffer_has_chunks(buffer)) RETURN_IF_ERROR(ReadChunks(buffer, frame));
   return frame;
 }
 

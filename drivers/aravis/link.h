@@ -15,9 +15,11 @@
 #include "drivers/api/registry.h"
 #include "drivers/aravis/capabilities.h"
 #include "drivers/aravis/options.h"
+#include "drivers/aravis/stream_counts.h"
 
 typedef struct _ArvBuffer ArvBuffer;
 typedef struct _ArvCamera ArvCamera;
+typedef struct _ArvChunkParser ArvChunkParser;
 typedef struct _ArvStream ArvStream;
 struct _GError;
 
@@ -48,7 +50,7 @@ class AravisLink {
   // Applies a valid configuration and reads it back.
   absl::StatusOr<CameraConfig> Configure(const CameraConfig& config);
 
-  // Gets buffers, turns the software trigger on and starts; then takes a frame that nobody sees, because the first frame of a
+  // Gets buffers, turns the trigger on and starts; then takes a frame that nobody sees, because the first frame of a
   // session may arrive incomplete.
   absl::Status StartStream(const CameraConfig& config, TimePoint deadline);
   // Best effort; the stream's threads have ended afterwards.
@@ -57,10 +59,13 @@ class AravisLink {
 
   // What the camera really uses. Costs nothing if it is already set.
   absl::StatusOr<Duration> SetExposure(Duration exposure);
-  absl::Status SoftwareTrigger();
+  // By software, or the line is listened to from now on, until Triggered().
+  absl::Status Trigger();
+  // The frame has come: further pulses on the line count for nothing.
+  absl::Status Triggered();
 
-  // A frame or lost frame (DATA_LOSS / FRAME_INCOMPLETE) and when its first packet came. Exposure and its times are left to the
-  // caller.
+  // A frame or lost frame (DATA_LOSS / FRAME_INCOMPLETE; DATA_LOSS / FRAME_EXPOSURE if it says of itself that it was not exposed as
+  // set) and when its first packet came. The times of the exposure are left to the caller.
   struct Taken {
     TimePoint first_packet;
     absl::StatusOr<Frame> frame;
@@ -72,12 +77,24 @@ class AravisLink {
   AravisLink(const AravisOptions& options, std::string name, Clock& clock, Events events);
   // OK if there is no error. Notes a camera that does not answer.
   absl::Status Check(const _GError* error, std::string_view operation);
+  absl::Status Unsuitable(const std::string& message) const;
+  // The values that an enumeration has; empty if there is no such feature.
+  std::vector<std::string> Choices(const char* feature) const;
+  // Sets an enumeration to what the rig file's `key` asks for.
+  absl::Status Choose(const char* feature, const std::string& value, std::string_view key);
   absl::Status Connect();
   absl::Status ReadCapabilities();
+  absl::Status ReadFormats();
   absl::Status ReadGain();
   absl::Status Prepare();
+  absl::Status PrepareLines();
+  absl::Status PrepareChunks();
+  absl::Status ReadChunks(ArvBuffer* buffer, Frame& frame);
   absl::Status CreateStream();
+  absl::Status TurnTriggerOn();
+  absl::Status SoftwareTrigger();
   absl::Status WarmUp(TimePoint deadline);
+  StreamCounts Counts() const;
   absl::StatusOr<Frame> ToFrame(ArvBuffer* buffer);
   uint64_t NextSequence(uint64_t frame_id);
   Taken Take(ArvBuffer* buffer);
@@ -92,9 +109,12 @@ class AravisLink {
   std::atomic<bool> answers_{true};     // else it is no use asking the camera anything
   std::atomic<bool> reporting_{false};  // events are wanted
   AravisCapabilities capabilities_;
+  ArvChunkParser* chunks_ = nullptr;  // if frames are to say something of themselves
+  bool exposure_chunk_ = false, gain_chunk_ = false;  // and what
 
   ArvStream* stream_ = nullptr;
   uint64_t session_ = 0;
+  StreamCountsLog counts_log_;
   CameraConfig config_;
   std::optional<Duration> asked_exposure_;  // last one set, if it is still there
   Duration used_exposure_{};

@@ -1,6 +1,46 @@
 #include "drivers/aravis/options.h"
 
+#include "absl/strings/str_cat.h"
+#include "drivers/aravis/pixel_formats.h"
+
 namespace lightstage {
+namespace {
+
+std::string ParsePixelFormat(const TomlTable& table) {
+  if (!table.Has("pixel_format")) return "";
+  std::string name = table.String("pixel_format");
+  if (!FindGenicamFormat(name)) {
+    std::string known;
+    for (const GenicamFormat& format : GenicamFormats()) {
+      absl::StrAppend(&known, known.empty() ? "" : ", ", format.name);
+    }
+    table.ErrorAt("pixel_format", absl::StrCat("\"", name, "\" is not known; known: ", known));
+  }
+  return name;
+}
+
+void ParseLines(const TomlTable& table, AravisOptions& options) {
+  options.trigger_source = table.String("trigger_source", options.trigger_source);
+  if (!options.SoftwareTriggered()) {
+    options.trigger_activation =
+        table.OneOf("trigger_activation", {"RisingEdge", "FallingEdge"}, "RisingEdge");
+    if (options.exposure_end_margin) {
+      table.ErrorAt("exposure_end_margin_us",
+                    "goes by the acknowledgement of a software trigger: not with trigger_source = "
+                    "a line");
+    }
+  } else if (table.Has("trigger_activation")) {
+    table.ErrorAt("trigger_activation", "is a line's: needs trigger_source = \"Line1\" or another");
+  }
+  options.exposure_active_line = table.String("exposure_active_line", "");
+  if (options.exposure_active_line == options.trigger_source) {
+    table.ErrorAt("exposure_active_line", absl::StrCat("\"", options.trigger_source,
+                                                       "\" is the trigger_source: an output "
+                                                       "needs another line"));
+  }
+}
+
+}  // namespace
 
 AravisOptions ParseAravisOptions(const TomlTable& table) {
   AravisOptions options;
@@ -10,6 +50,7 @@ AravisOptions ParseAravisOptions(const TomlTable& table) {
     table.ErrorAt(
         "", "needs address = \"…\" (GigE) or serial = \"…\", so that it can not be another camera");
   }
+  options.pixel_format = ParsePixelFormat(table);
   if (table.Has("packet_size")) {
     options.packet_size = static_cast<int>(table.Int("packet_size", 220, 16404));
   }
@@ -23,6 +64,8 @@ AravisOptions ParseAravisOptions(const TomlTable& table) {
   if (table.Has("exposure_end_margin_us")) {
     options.exposure_end_margin = table.Time("exposure_end_margin_us", 0, 1e6);
   }
+  ParseLines(table, options);
+  options.chunk_data = table.Bool("chunk_data", true);
   options.gain_db_per_step = table.Double("gain_db_per_step", 0, 10, 0.0);
   options.readout = table.Time("readout_ms", 0, 10000, 0.0);
   return options;

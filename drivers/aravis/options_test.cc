@@ -20,11 +20,14 @@ TEST(AravisOptions, EveryKeyIsRead) {
   absl::Status status = Parse(
       "address = \"192.168.7.2\"\nserial = \"17\"\npacket_size = 9000\npacket_timeout_ms = 40\n"
       "frame_retention_ms = 150\npacket_socket = true\nexposure_end_margin_us = 250\n"
-      "gain_db_per_step = 0.1\nreadout_ms = 12.5\n",
+      "gain_db_per_step = 0.1\nreadout_ms = 12.5\npixel_format = \"Mono12p\"\n"
+      "chunk_data = false\n",
       &options);
   ASSERT_TRUE(status.ok()) << status;
   EXPECT_EQ(options.address, "192.168.7.2");
   EXPECT_EQ(options.serial, "17");
+  EXPECT_EQ(options.pixel_format, "Mono12p");
+  EXPECT_FALSE(options.chunk_data);
   EXPECT_EQ(options.packet_size, 9000);
   EXPECT_EQ(options.packet_timeout, milliseconds(40));
   EXPECT_EQ(options.frame_retention, milliseconds(150));
@@ -47,6 +50,39 @@ TEST(AravisOptions, NeitherAddressNorSerialIsRefused) {
   absl::Status status = Parse("packet_size = 1500\n", &options);
   EXPECT_FALSE(status.ok());
   EXPECT_NE(status.message().find("address"), std::string_view::npos) << status;
+}
+
+TEST(AravisOptions, Lines) {
+  AravisOptions options;
+  ASSERT_TRUE(Parse("serial = \"17\"\n", &options).ok());
+  EXPECT_TRUE(options.SoftwareTriggered());
+  ASSERT_TRUE(Parse("serial = \"17\"\ntrigger_source = \"Line1\"\n", &options).ok());
+  EXPECT_FALSE(options.SoftwareTriggered());
+  EXPECT_EQ(options.trigger_activation, "RisingEdge");
+  ASSERT_TRUE(Parse("serial = \"17\"\ntrigger_source = \"Line1\"\n"
+                    "trigger_activation = \"FallingEdge\"\nexposure_active_line = \"Line2\"\n",
+                    &options)
+                  .ok());
+  EXPECT_EQ(options.trigger_activation, "FallingEdge");
+  EXPECT_EQ(options.exposure_active_line, "Line2");
+}
+
+TEST(AravisOptions, LinesThatContradictEachOtherAreRefused) {
+  for (const char* bad : {"trigger_activation = \"FallingEdge\"",
+                          "trigger_source = \"Line1\"\ntrigger_activation = \"AnyEdge\"",
+                          "trigger_source = \"Line1\"\nexposure_active_line = \"Line1\"",
+                          "trigger_source = \"Line1\"\nexposure_end_margin_us = 100"}) {
+    AravisOptions options;
+    EXPECT_FALSE(Parse(std::string("serial = \"17\"\n") + bad + "\n", &options).ok()) << bad;
+  }
+}
+
+TEST(AravisOptions, UnknownPixelFormatNamesTheKnownOnes) {
+  AravisOptions options;
+  absl::Status status = Parse("serial = \"17\"\npixel_format = \"Mono12P\"\n", &options);
+  EXPECT_NE(status.message().find("\"Mono12P\" is not known; known: Mono8, Mono16"),
+            std::string_view::npos)
+      << status;
 }
 
 TEST(AravisOptions, BadValuesAndUnknownKeysAreRefused) {

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "sim/peers/gige/chunk_relay.h"
 #include "sim/rig/world.h"
 
 typedef struct _ArvBuffer ArvBuffer;
@@ -22,6 +23,10 @@ struct GigeCameraOptions {
   std::string serial = "SIM01";
   int width = 0, height = 0;  // of the sensor, even
   int bits = 12;              // of a sample in the deep formats: 10, 12 or 16
+  // How the deep Mono and Bayer formats lie in memory: "" in 16 bits, "p" the lowest bit first without a gap, "Packed" as GigE Vision
+  // has it (2 samples in 3 bytes). Not with 16 bits.
+  std::string packing;
+  bool chunk_data = false;  // can say with a frame how it was exposed; has its gain in dB then
 };
 
 class GigeCameraServer {
@@ -35,17 +40,30 @@ class GigeCameraServer {
   // This share of the packets of its stream gets lost from now on, 0 to 1. Any thread.
   void LosePackets(double ratio);
 
+  // What frames say of their exposure is so many times the truth. Any thread.
+  void Misreport(double factor) { misreport_ = factor; }
+  // An edge on Line1: triggers, if the client has chosen it as source. Any thread.
+  void PulseLine();
+  // Whether Line2 puts out that the sensor gathers light.
+  bool ShowsExposure() const;
+
   // Waits for the picture being made.
   ~GigeCameraServer();
 
  private:
   GigeCameraServer(const GigeCameraOptions& options, std::shared_ptr<World> world);
+  absl::Status StartRelay();
+  ChunkRelay::Frame RelayedFrame() const;
+  bool TendStream(uint16_t port);
   void Expose(ArvBuffer* buffer, Duration exposure, double gain_db, uint32_t code);
 
   const GigeCameraOptions options_;
   const std::shared_ptr<World> world_;  // shared with the rig's simulated devices
   std::atomic<bool> stopping_{false};
+  std::atomic<double> misreport_{1};
+  std::atomic<double> exposure_us_{0}, gain_db_{0};  // of the last frame
   ArvGvFakeCamera* camera_ = nullptr;
+  std::unique_ptr<ChunkRelay> relay_;
 };
 
 }  // namespace lightstage::sim

@@ -25,6 +25,11 @@ GigeCameraOptions ParsePeer(const TomlTable& table) {
   if (options.bits != 10 && options.bits != 12 && options.bits != 16) {
     peer.ErrorAt("bits", "must be 10, 12 or 16");
   }
+  options.packing = peer.OneOf("packing", {"", "p", "Packed"}, "");
+  if (options.bits == 16 && !options.packing.empty()) {
+    peer.ErrorAt("packing", "16 bits are not packed: needs bits = 10 or 12");
+  }
+  options.chunk_data = peer.Bool("chunk_data", false);
   return options;
 }
 

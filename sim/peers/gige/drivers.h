@@ -7,6 +7,8 @@
 //   sensor_width = 640      # even
 //   sensor_height = 480
 //   bits = 12               # of the 16-bit formats: 10, 12 or 16
+//   packing = ""            # of the 16-bit formats but RGB: "p" or "Packed" as in Mono12p, Mono12Packed
+//   chunk_data = false      # frames can say how they were exposed; the gain is in dB then
 #pragma once
 
 #include <memory>

@@ -3,7 +3,9 @@
 
 #include <cstring>
 #include <numeric>
+#include <optional>
 
+#include "absl/strings/str_format.h"
 #include "drivers/aravis/driver.h"
 #include "drivers/conformance/fixtures.h"
 #include "drivers/conformance/private_network.h"
@@ -34,15 +36,19 @@ RigGeometry Geometry() {
 // One process may hold one such camera: what the rig file would say, opened.
 class Rig {
  public:
-  absl::Status Open(const std::string& simulation_keys) {
+  absl::Status Open(const std::string& simulation_keys,
+                    const std::string& peer_keys = "bits = 12\n",
+                    const std::string& camera_keys = "") {
     simulation_ = RegisterSimulatedDrivers(registry_);
     RegisterGigePeer(registry_, simulation_);
     ASSIGN_OR_RETURN(TomlDocument document,
                      TomlDocument::Parse("[simulation]\nsamples = 1\n" + simulation_keys +
                                              "[camera]\naddress = \"127.0.0.1\"\n"
-                                             "packet_size = 7000\nframe_retention_ms = 100\n"
+                                             "packet_size = 7000\nframe_retention_ms = 100\n" +
+                                             camera_keys +
                                              "[camera.peer]\nsensor_width = 64\n"
-                                             "sensor_height = 48\nbits = 12\n",
+                                             "sensor_height = 48\n" +
+                                             peer_keys,
                                          "rig.toml"));
     registry_.tables.at("simulation")(document.root().Table("simulation"));
     DeviceOpener<Camera> open =
@@ -99,19 +105,25 @@ constexpr char kNoNoise[] = "[simulation.sensor]\nphoton_noise = false\nread_noi
 
 class GigeFixture : public CameraFixture {
  public:
+  explicit GigeFixture(std::string peer_keys) : peer_keys_(std::move(peer_keys)) {}
   Clock& clock() override { return rig_.clock(); }
   absl::StatusOr<std::unique_ptr<Camera>> Open() override {
-    RETURN_IF_ERROR(rig_.Open(kNoNoise));
+    RETURN_IF_ERROR(rig_.Open(kNoNoise, peer_keys_));
     return rig_.TakeCamera();
   }
   int retakes() const override { return 5; }
 
  private:
+  const std::string peer_keys_;
   Rig rig_;
 };
 
-[[maybe_unused]] const bool kConformance =
-    RegisterCameraConformance("SimGige", [] { return std::make_unique<GigeFixture>(); });
+[[maybe_unused]] const bool kConformance = RegisterCameraConformance(
+    "SimGige", [] { return std::make_unique<GigeFixture>("bits = 12\n"); });
+[[maybe_unused]] const bool kConformanceWithChunks =
+    RegisterCameraConformance("SimGigeWithChunks", [] {
+      return std::make_unique<GigeFixture>("bits = 10\npacking = \"p\"\nchunk_data = true\n");
+    });
 
 // ---- The picture
 
@@ -152,6 +164,43 @@ TEST(SimGige, FramesEqualTheSimulatedSensors) {
     rig.camera().Disarm(rig.Soon(), disarmed.sink());
     ASSERT_TRUE(disarmed.Wait(rig.Soon(), "Disarm").ok());
   }
+}
+
+// Packed on the wire by the peer, unpacked by the driver: the same samples.
+TEST(SimGige, PackedFramesEqualTheSimulatedSensors) {
+  for (const auto& [bits, packing] :
+       {std::pair{12, "p"}, {12, "Packed"}, {10, "p"}, {10, "Packed"}}) {
+    const std::string name = absl::StrCat(bits, packing);
+    Rig rig;
+    ASSERT_TRUE(rig.Open(kNoNoise, absl::StrFormat("bits = %d\npacking = \"%s\"\n", bits, packing),
+                         absl::StrFormat("pixel_format = \"BayerRG%s\"\n", name))
+                    .ok());
+    EXPECT_EQ(rig.camera().info().formats, std::vector{PixelFormat::kBayerRG16});
+    rig.Light(1.0f, 0.5f, rig.clock().Now());
+    SleepFor(rig.clock(), milliseconds(50));
+    ASSERT_TRUE(rig.Ready({PixelFormat::kBayerRG16, 32, 20, 0}).ok()) << name;
+    absl::StatusOr<Frame> served = rig.Take(milliseconds(20));
+    ASSERT_TRUE(served.ok()) << name << ": " << served.status();
+    absl::StatusOr<Frame> whole =
+        rig.world().ExposeNow(milliseconds(20), PixelFormat::kBayerRG16, {kWidth, kHeight}, bits);
+    ASSERT_TRUE(whole.ok()) << whole.status();
+    EXPECT_EQ(served->significant_bits, bits);
+    for (int y = 0; y < 20; ++y) {
+      ASSERT_EQ(std::memcmp(served->data.data() + y * 32 * 2,
+                            whole->data.data() + ((y + 14) * kWidth + 16) * 2, 32 * 2),
+                0)
+          << name << ", row " << y;
+    }
+  }
+}
+
+TEST(SimGige, PixelFormatThatTheCameraHasNotNamesThoseItHas) {
+  Rig rig;
+  absl::Status refused = rig.Open(kNoNoise, "bits = 12\n", "pixel_format = \"Mono10p\"\n");
+  EXPECT_EQ(ErrorReason(refused), "DEVICE_UNSUITABLE") << refused;
+  EXPECT_NE(refused.message().find("PixelFormat Mono10p is asked for; the camera has Mono8, "),
+            std::string_view::npos)
+      << refused;
 }
 
 TEST(SimGige, RegionIsTheMiddleOfTheSensor) {
@@ -216,6 +265,158 @@ TEST(SimGige, ExposureSeesLightGoOut) {
   EXPECT_EQ(Sum(*dark), 0);
 }
 
+// ---- Lines and chunk data: the server in the test's hand, the driver beside it
+
+class Wired {
+ public:
+  absl::Status Open(const std::string& camera_keys, bool chunk_data = false,
+                    int packet_size = 7000) {
+    simulation_ = RegisterSimulatedDrivers(registry_);
+    ASSIGN_OR_RETURN(
+        TomlDocument document,
+        TomlDocument::Parse(absl::StrCat("[simulation]\nsamples = 1\n", kNoNoise, "[camera]\n",
+                                         "address = \"127.0.0.1\"\nframe_retention_ms = 100\n",
+                                         "packet_size = ", packet_size, "\n", camera_keys),
+                            "rig.toml"));
+    registry_.tables.at("simulation")(document.root().Table("simulation"));
+    DeviceOpener<Camera> open = AravisDriver().parse(document.root().Table("camera"));
+    RETURN_IF_ERROR(document.Finish());
+    ASSIGN_OR_RETURN(std::shared_ptr<World> world, simulation_->OpenWorld(geometry_, clock_));
+    GigeCameraOptions options;
+    options.width = kWidth;
+    options.height = kHeight;
+    options.chunk_data = chunk_data;
+    ASSIGN_OR_RETURN(server_, GigeCameraServer::Start(options, world));
+    ASSIGN_OR_RETURN(camera_, open({"camera", &clock_, &geometry_}));
+    return absl::OkStatus();
+  }
+  absl::Status Ready(double gain_db = 0) {
+    Pending<CameraConfig> configured(clock_), armed(clock_);
+    camera_->Configure({PixelFormat::kMono8, kWidth, kHeight, gain_db}, In(seconds(30)),
+                       configured.sink());
+    RETURN_IF_ERROR(configured.Wait(In(seconds(60)), "Configure").status());
+    camera_->Arm(In(seconds(30)), armed.sink());
+    return armed.Wait(In(seconds(60)), "Arm").status();
+  }
+  // Pulses Line1 after `pulse`, if at all.
+  absl::StatusOr<Frame> Take(Duration exposure, std::optional<Duration> pulse = {},
+                             Duration patience = seconds(20)) {
+    Pending<ExposureEnd> ended(clock_);
+    Pending<Frame> frame(clock_);
+    camera_->Trigger(exposure, In(patience), ended.sink(), frame.sink());
+    if (pulse) {
+      SleepFor(clock_, *pulse);
+      server_->PulseLine();
+    }
+    return frame.Wait(In(patience + seconds(30)), "the frame");
+  }
+  TimePoint In(Duration time) { return clock_.Now() + time; }
+  Clock& clock() { return clock_; }
+  GigeCameraServer& server() { return *server_; }
+
+ private:
+  RealClock clock_;
+  RigGeometry geometry_ = Geometry();
+  DriverRegistry registry_;
+  std::shared_ptr<Simulation> simulation_;
+  std::unique_ptr<GigeCameraServer> server_;
+  std::unique_ptr<Camera> camera_;
+};
+
+// The frame is the line's, and only while one is asked for.
+TEST(SimGigeLines, ALineTriggers) {
+  Wired wired;
+  absl::Status opened =
+      wired.Open("trigger_source = \"Line1\"\ntrigger_activation = \"FallingEdge\"\n");
+  ASSERT_TRUE(opened.ok()) << opened;
+  ASSERT_TRUE(wired.Ready().ok());
+  wired.server().PulseLine();
+  absl::StatusOr<Frame> none = wired.Take(milliseconds(10), std::nullopt, milliseconds(400));
+  EXPECT_EQ(ErrorReason(none.status()), "DEVICE_SILENT") << "a pulse that nobody waited for counts";
+  for (int i = 0; i < 3; ++i) {
+    const TimePoint asked = wired.clock().Now();
+    absl::StatusOr<Frame> frame = wired.Take(milliseconds(10), milliseconds(500), seconds(10));
+    if (absl::IsDataLoss(frame.status())) continue;  // plain UDP on a busy machine
+    ASSERT_TRUE(frame.ok()) << frame.status();
+    EXPECT_EQ(frame->exposure, milliseconds(10));
+    EXPECT_GE(frame->exposure_start, asked + milliseconds(450));
+  }
+}
+
+TEST(SimGigeLines, ALinePutsOutTheExposure) {
+  Wired wired;
+  absl::Status opened = wired.Open("exposure_active_line = \"Line2\"\n");
+  ASSERT_TRUE(opened.ok()) << opened;
+  EXPECT_TRUE(wired.server().ShowsExposure());
+}
+
+TEST(SimGigeLines, MissingOnesNameThoseThereAre) {
+  const std::pair<std::string, std::string> cases[] = {
+      {"trigger_source = \"Line7\"\n",
+       "camera: trigger_source needs TriggerSource = Line7; the camera has Line1, Software"},
+      {"exposure_active_line = \"Line3\"\n",
+       "camera: exposure_active_line needs LineSelector = Line3; the camera has Line1, Line2"}};
+  for (const auto& [keys, message] : cases) {
+    Wired wired;
+    absl::Status refused = wired.Open(keys);
+    EXPECT_EQ(ErrorReason(refused), "DEVICE_UNSUITABLE") << refused;
+    EXPECT_NE(refused.message().find(message), std::string_view::npos) << refused;
+  }
+}
+
+// What a frame says of itself is what is recorded.
+TEST(SimGigeChunks, FramesSayHowTheyWereExposed) {
+  for (int packet_size : {7000, 700}) {
+    Wired wired;
+    absl::Status opened = wired.Open("", /*chunk_data=*/true, packet_size);
+    ASSERT_TRUE(opened.ok()) << opened;
+    ASSERT_TRUE(wired.Ready(/*gain_db=*/3).ok());
+    wired.server().Misreport(1.00005);
+    absl::StatusOr<Frame> frame = wired.Take(milliseconds(16));
+    for (int i = 0; i < 5 && ErrorReason(frame.status()) == "FRAME_INCOMPLETE"; ++i) {
+      frame = wired.Take(milliseconds(16));
+    }
+    ASSERT_TRUE(frame.ok()) << frame.status();
+    EXPECT_NEAR(Seconds(frame->exposure), 0.0160008, 1e-9) << "0.8 us more than was set";
+    EXPECT_EQ(frame->exposure_end - frame->exposure_start, frame->exposure);
+    EXPECT_EQ(frame->gain_db, 3);
+    EXPECT_EQ(frame->data.size(), static_cast<size_t>(kWidth) * kHeight);
+  }
+}
+
+TEST(SimGigeChunks, AFrameThatWasNotExposedAsSetIsNotUsed) {
+  Wired wired;
+  absl::Status opened = wired.Open("", /*chunk_data=*/true);
+  ASSERT_TRUE(opened.ok()) << opened;
+  ASSERT_TRUE(wired.Ready().ok());
+  wired.server().Misreport(1.5);
+  absl::StatusOr<Frame> frame = wired.Take(milliseconds(16));
+  for (int i = 0; i < 5 && ErrorReason(frame.status()) == "FRAME_INCOMPLETE"; ++i) {
+    frame = wired.Take(milliseconds(16));
+  }
+  EXPECT_TRUE(absl::IsDataLoss(frame.status())) << frame.status();
+  EXPECT_EQ(ErrorReason(frame.status()), "FRAME_EXPOSURE");
+  EXPECT_EQ(MessageOf(frame.status()),
+            "camera: the frame says ChunkExposureTime = 24000 us, set was 16000 us");
+  wired.server().Misreport(1);
+  frame = wired.Take(milliseconds(16));
+  EXPECT_TRUE(frame.ok() || ErrorReason(frame.status()) == "FRAME_INCOMPLETE") << frame.status();
+}
+
+TEST(SimGigeChunks, CanBeDoneWithout) {
+  Wired wired;
+  absl::Status opened = wired.Open("chunk_data = false\n", /*chunk_data=*/true);
+  ASSERT_TRUE(opened.ok()) << opened;
+  ASSERT_TRUE(wired.Ready().ok());
+  wired.server().Misreport(1.5);
+  absl::StatusOr<Frame> frame = wired.Take(milliseconds(16));
+  for (int i = 0; i < 5 && absl::IsDataLoss(frame.status()); ++i) {
+    frame = wired.Take(milliseconds(16));
+  }
+  ASSERT_TRUE(frame.ok()) << frame.status();
+  EXPECT_EQ(frame->exposure, milliseconds(16));
+}
+
 TEST(SimGige, SecondCameraOnTheInterfaceIsRefused) {
   Rig rig, second;
   ASSERT_TRUE(rig.Open(kNoNoise).ok());
@@ -226,7 +427,8 @@ TEST(SimGige, SecondCameraOnTheInterfaceIsRefused) {
 }
 
 TEST(SimGige, BadTablesAreRefused) {
-  for (const char* bad : {"sensor_width = 63", "bits = 11", "sensor_height = 0", "hight = 48"}) {
+  for (const char* bad : {"sensor_width = 63", "bits = 11", "sensor_height = 0", "hight = 48",
+                          "packing = \"q\"", "bits = 16\npacking = \"p\""}) {
     DriverRegistry registry;
     RegisterGigePeer(registry, RegisterSimulatedDrivers(registry));
     absl::StatusOr<TomlDocument> document = TomlDocument::Parse(
