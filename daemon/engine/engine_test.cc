@@ -521,6 +521,7 @@ TEST_F(EngineTest, AShotWhoseLampsWentAwayInTheExposureIsTakenAgain) {
   ASSERT_EQ(Join(), RunState::kSucceeded);
   EXPECT_EQ(engine_->progress().retakes, 1u);
   EXPECT_THAT(ids(), testing::UnorderedElementsAre(0, 1, 2, 3, 4));
+  MutexLock lock(&mutex_);
   EXPECT_THAT(attempts_, testing::UnorderedElementsAre(1, 1, 2, 1, 1));
 }
 
@@ -532,6 +533,7 @@ TEST_F(EngineTest, AShotWhoseAxisMovedInTheExposureIsTakenAgain) {
   Start(Shots(5));
   ASSERT_EQ(Join(), RunState::kSucceeded) << "it is moved back";
   EXPECT_EQ(engine_->progress().retakes, 1u);
+  MutexLock lock(&mutex_);
   EXPECT_THAT(attempts_, testing::UnorderedElementsAre(1, 1, 2, 1, 1));
 }
 

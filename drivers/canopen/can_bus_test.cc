@@ -81,6 +81,13 @@ TEST_F(CanBusTest, GivesFramesToTheNodeWhoseTheyAre) {
   EXPECT_EQ(five.emergency()->code, 0x4320);
   EXPECT_FALSE(nine.emergency().has_value());
   EXPECT_TRUE(five.Check().ok());
+  Say(0x705, {0x00});
+  Say(0x705, {0x7F});
+  ASSERT_TRUE(Becomes([&] { return five.nmt_state() == NmtState::kPreOperational; }));
+  EXPECT_TRUE(five.Check().ok()) << "it was not told anything that it could forget";
+  std::thread answer([&] { AnswerWith({{0x60, 0x17, 0x10, 0, 0, 0, 0, 0}}); });
+  EXPECT_TRUE(five.WriteInteger({0x1017, 0}, 100, 2).ok());
+  answer.join();
   Say(0x085, {0, 0, 0, 0, 0, 0, 0, 0});
   Say(0x705, {0x00});
   ASSERT_TRUE(Becomes([&] { return !five.Check().ok(); }));

@@ -68,7 +68,7 @@ void StreamingCamera::Arm(TimePoint deadline, Completion<CameraConfig> done) {
     }
     {
       MutexLock lock(&mutex_);
-      armed_ = disarms == disarms_;
+      armed_ = disarms == disarms_ && !operation->finished();  // one that was too late has failed
     }
     operation->Complete(config_);
   });

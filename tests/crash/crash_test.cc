@@ -29,7 +29,7 @@ struct Set {
 };
 
 void MaskShot(Json& shot) {
-  for (const char* key : {"captured_at", "sha256", "bytes"}) {
+  for (const char* key : {"captured_at", "sha256", "bytes", "lit_at_ns"}) {
     EXPECT_TRUE(shot.contains(key)) << key << " in " << shot;
     shot[key] = "masked";
   }
