@@ -18,9 +18,10 @@ namespace lightstage::sim {
 template <class Device, class Info>
 class ServedDevice : public Device {
  public:
-  ServedDevice(std::shared_ptr<void> peer, std::unique_ptr<Device> device, std::string driver)
+  ServedDevice(std::shared_ptr<void> peer, std::unique_ptr<Device> device,
+               const std::string& driver)
       : peer_(std::move(peer)), device_(std::move(device)), info_(device_->info()) {
-    info_.identity.driver = std::move(driver);
+    info_.identity.driver = driver;
   }
   const Info& info() const override { return info_; }
 
