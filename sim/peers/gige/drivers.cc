@@ -76,8 +76,8 @@ void RegisterGigePeer(DriverRegistry& registry, const std::shared_ptr<Simulation
       auto served = std::make_shared<Served>();
       ASSIGN_OR_RETURN(served->server, GigeCameraServer::Start(options, world));
       ASSIGN_OR_RETURN(std::unique_ptr<Camera> camera, connect(context));
-      served->faults = std::make_unique<FaultPlan>(
-          context.name, plan, FaultsOf(served->server, options, std::move(world)));
+      served->faults =
+          std::make_unique<FaultPlan>(context.name, plan, FaultsOf(served->server, options, world));
       return std::make_unique<ServedCamera>(std::move(served), std::move(camera), "sim-gige");
     };
   };
