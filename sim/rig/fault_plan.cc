@@ -15,6 +15,12 @@ FaultPlanOptions ParseFaultPlan(const TomlTable& peer) {
   return options;
 }
 
+FaultKind Once(std::string name, std::function<void()> make) {
+  return {std::move(name), Duration::zero(), [make = std::move(make)](bool begins) {
+            if (begins) make();
+          }};
+}
+
 FaultPlan::FaultPlan(std::string device, const FaultPlanOptions& options,
                      std::vector<FaultKind> kinds)
     : device_(std::move(device)), options_(options), kinds_(std::move(kinds)) {

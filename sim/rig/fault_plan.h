@@ -34,6 +34,9 @@ struct FaultKind {
   std::function<void(bool)> make;  // true: it begins, false: it is mended; on the plan's thread
 };
 
+// One that happens at once and mends itself, or stays until the driver mends it.
+FaultKind Once(std::string name, std::function<void()> make);
+
 // Makes faults of these kinds, one at a time, while it lives: after exponentially distributed times, each kind as likely. Real time only.
 class FaultPlan {
  public:

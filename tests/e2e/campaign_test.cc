@@ -21,16 +21,13 @@ size_t Count(const std::string& text, const std::string& what) {
   return count;
 }
 
-// Of a device's table: a fault now and then.
-std::string Faults(const char* wire = "") {
-  return std::string("[PEER]\nfault_interval_s = 0.7\nfault_after_s = 1.5\nfault_seed = ") +
-         std::to_string(FromEnvironment("LIGHTSTAGE_CAMPAIGN_SEED", 1)) + "\n" + wire;
-}
-
-// `rig` with the table `name` replaced by `keys` and its faults.
+// `rig` with the table `name` replaced by `keys`, and a fault now and then; `wire`: more keys of its peer.
 std::string Faulty(const std::string& rig, const std::string& name, const std::string& keys,
-                   const char* wire = "") {
-  return WithTable(rig, name, keys + Replaced(Faults(wire), "PEER", name + ".peer"));
+                   const std::string& wire = "") {
+  return WithTable(
+      rig, name,
+      keys + "[" + name + ".peer]\nfault_interval_s = 0.7\nfault_after_s = 1.5\nfault_seed = " +
+          std::to_string(FromEnvironment("LIGHTSTAGE_CAMPAIGN_SEED", 1)) + "\n" + wire);
 }
 
 constexpr char kProcess[] = "wire = \"process\"\n";

@@ -72,9 +72,7 @@ std::vector<FaultKind> NodeFaults(PeerNode& node, canopen::MemoryBus* memory, Du
       {"silent", heartbeat * 2, [&node](bool on) { node.SetSilent(on); }},
       {"answers 20 ms late", milliseconds(500),
        [&node](bool on) { node.DelayAnswers(milliseconds(on ? 20 : 0)); }},
-      {"power cycle", Duration::zero(), [&node](bool begins) {
-         if (begins) node.Reboot();
-       }}};
+      Once("power cycle", [&node] { node.Reboot(); })};
   if (memory == nullptr) return kinds;
   kinds.push_back({"bus-off", milliseconds(300), [memory](bool on) {
                      memory->SetState(on ? canopen::CanState::kBusOff : canopen::CanState::kActive);
@@ -119,18 +117,10 @@ DeviceOpener<Axis> ParseAxis(const std::shared_ptr<Simulation>& simulation,
     CanopenDrive& turns = *served->peer;
     std::vector<FaultKind> kinds =
         NodeFaults(turns.node(), served->memory.get(), axis.node.heartbeat);
-    kinds.push_back({"drive fault 7500h", Duration::zero(), [&turns](bool begins) {
-                       if (begins) turns.Fail(0x7500);
-                     }});
-    kinds.push_back({"a set-point lost", Duration::zero(), [&turns](bool begins) {
-                       if (begins) turns.LoseSetpoints(1);
-                     }});
-    kinds.push_back({"two set-points lost", Duration::zero(), [&turns](bool begins) {
-                       if (begins) turns.LoseSetpoints(2);
-                     }});
-    kinds.push_back({"power cut at the enable input", Duration::zero(), [&turns](bool begins) {
-                       if (begins) turns.CutPower();
-                     }});
+    kinds.push_back(Once("drive fault 7500h", [&turns] { turns.Fail(0x7500); }));
+    kinds.push_back(Once("a set-point lost", [&turns] { turns.LoseSetpoints(1); }));
+    kinds.push_back(Once("two set-points lost", [&turns] { turns.LoseSetpoints(2); }));
+    kinds.push_back(Once("power cut at the enable input", [&turns] { turns.CutPower(); }));
     kinds.push_back(
         {"following error", milliseconds(500), [&turns](bool on) { turns.SetFollowingError(on); }});
     served->faults = std::make_unique<FaultPlan>(context.name, plan, std::move(kinds));

@@ -40,9 +40,7 @@ std::vector<FaultKind> Faults(Dlpc350Device& device, bool kernel) {
                                   fault("sequencer stopped", {.sequencer_stopped = true}),
                                   fault("silent", {.silent = true}),
                                   fault("late answers", {.late = true}),
-                                  {"power cycle", Duration::zero(), [&device](bool begins) {
-                                     if (begins) device.PowerCycle(false);
-                                   }}};
+                                  Once("power cycle", [&device] { device.PowerCycle(false); })};
   if (!kernel) {
     kinds.push_back({"unplugged", milliseconds(500), [&device](bool on) { device.Unplug(on); }});
   }

@@ -45,10 +45,8 @@ struct Served {
 // A fault of the wire that ends by itself, after so many requests.
 FaultKind OfWire(ModbusServer& server, const char* name, WireFault fault, int requests,
                  int parameter = 0) {
-  return {absl::StrCat(name, ", ", requests, " times"), Duration::zero(),
-          [&server, fault, requests, parameter](bool begins) {
-            if (begins) server.Inject(fault, requests, parameter);
-          }};
+  return Once(absl::StrCat(name, ", ", requests, " times"),
+              [&server, fault, requests, parameter] { server.Inject(fault, requests, parameter); });
 }
 
 // More requests than the driver asks anew stop it; fewer must not.
@@ -71,15 +69,10 @@ std::vector<FaultKind> WireFaults(ModbusServer& server) {
 }
 
 std::vector<FaultKind> DriveFaults(const std::shared_ptr<ModbusDrivePeer>& drive) {
-  return {{"drive fault 1", Duration::zero(),
-           [drive](bool begins) {
-             if (begins) drive->Fail(1);
-           }},
+  return {Once("drive fault 1", [drive] { drive->Fail(1); }),
           {"the position read stays", milliseconds(500), [drive](bool on) { drive->Freeze(on); }},
           {"deaf", milliseconds(500), [drive](bool on) { drive->BeDeaf(on); }},
-          {"power cycle", Duration::zero(), [drive](bool begins) {
-             if (begins) drive->PowerCycle();
-           }}};
+          Once("power cycle", [drive] { drive->PowerCycle(); })};
 }
 
 DeviceOpener<Axis> ParseAxis(const std::shared_ptr<Simulation>& simulation,
@@ -152,9 +145,7 @@ DeviceOpener<Lamps> ParseLamps(const std::shared_ptr<Simulation>& simulation,
                        [peer, lamp = board.first_lamp + board.lamps / 2](bool on) {
                          peer->Stick(on ? std::optional(lamp) : std::nullopt);
                        }});
-      kinds.push_back({"power cycle", Duration::zero(), [peer](bool begins) {
-                         if (begins) peer->PowerCycle();
-                       }});
+      kinds.push_back(Once("power cycle", [peer] { peer->PowerCycle(); }));
       boards[each.unit] = std::move(peer);
     }
     auto served = std::make_shared<Served>();
