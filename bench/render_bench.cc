@@ -217,7 +217,7 @@ void BenchPatterns(const RigGeometry& rig, int bounces) {
   }
 }
 
-int Main() {
+int Main(const std::vector<std::string>& scenes) {
   RigGeometry rig;
   rig.brace = {Meters(1), Meters(0.02), {{Degrees(0), Degrees(40)}}};
   rig.projector = {true, Meters(1.5), Degrees(0), Degrees(20), 1024, 768};
@@ -228,7 +228,7 @@ int Main() {
       BestKernels().name);
   std::printf("%-12s %7s %8s %8s %7s %9s %8s %7s %7s %8s %8s\n", "scene", "bounces", "trace",
               "bare", "ratio", "connect", "bare", "ratio", "both", "scaling", "bare");
-  for (const char* scene : {"default", "toys", "room"}) {
+  for (const std::string& scene : scenes) {
     for (int bounces : {0, 1}) BenchRays(scene, rig, bounces);
   }
   std::printf("\none pattern at a cached pose, %d x %d, against a triad over as much memory\n",
@@ -241,4 +241,8 @@ int Main() {
 }  // namespace
 }  // namespace lightstage::sim
 
-int main() { return lightstage::sim::Main(); }
+int main(int argc, char** argv) {
+  const std::vector<std::string> scenes(argv + 1, argv + argc);
+  return lightstage::sim::Main(scenes.empty() ? std::vector<std::string>{"default", "toys", "room"}
+                                              : scenes);
+}

@@ -244,18 +244,23 @@ TEST(SimGige, ExposureSeesLightGoOut) {
   ASSERT_TRUE(full.ok()) << full.status();
   ASSERT_GT(Sum(*full), 1000);
 
-  Pending<ExposureEnd> ended(rig.clock());
-  Pending<Frame> pending(rig.clock());
-  TimePoint triggered = rig.clock().Now();
-  rig.camera().Trigger(kExposure, rig.Soon(), ended.sink(), pending.sink());
-  SleepFor(rig.clock(), kExposure / 2);
-  rig.Light(0, 0, rig.clock().Now());
-  absl::StatusOr<ExposureEnd> end = ended.Wait(rig.Soon(), "the exposure's end");
-  absl::StatusOr<Frame> half = pending.Wait(rig.Soon(), "the frame");
-  if (absl::IsDataLoss(half.status())) GTEST_SKIP() << "the machine is too busy for UDP";
+  absl::StatusOr<Frame> half = absl::DataLossError("not taken");
+  // A busy machine may lose packets beyond the camera's resends: such a frame is taken again, as the engine would.
+  for (int attempt = 0; attempt < 3 && absl::IsDataLoss(half.status()); ++attempt) {
+    rig.Light(1.0f, 1.0f, rig.clock().Now());
+    SleepFor(rig.clock(), milliseconds(50));
+    Pending<ExposureEnd> ended(rig.clock());
+    Pending<Frame> pending(rig.clock());
+    TimePoint triggered = rig.clock().Now();
+    rig.camera().Trigger(kExposure, rig.Soon(), ended.sink(), pending.sink());
+    SleepFor(rig.clock(), kExposure / 2);
+    rig.Light(0, 0, rig.clock().Now());
+    absl::StatusOr<ExposureEnd> end = ended.Wait(rig.Soon(), "the exposure's end");
+    half = pending.Wait(rig.Soon(), "the frame");
+    ASSERT_TRUE(end.ok()) << end.status();
+    EXPECT_GE(end->time, triggered + kExposure);
+  }
   ASSERT_TRUE(half.ok()) << half.status();
-  ASSERT_TRUE(end.ok()) << end.status();
-  EXPECT_GE(end->time, triggered + kExposure);
   double share = Sum(*half) / Sum(*full);
   EXPECT_GT(share, 0.1);
   EXPECT_LT(share, 0.9);
