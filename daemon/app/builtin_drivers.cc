@@ -8,6 +8,7 @@
 #include "drivers/modbus/driver.h"
 #include "drivers/v4l2/driver.h"
 #include "sim/peers/canopen/drivers.h"
+#include "sim/peers/display/drivers.h"
 #include "sim/peers/dlpc350/drivers.h"
 #include "sim/peers/dmx/drivers.h"
 #include "sim/peers/gige/drivers.h"
@@ -19,6 +20,7 @@ namespace lightstage {
 std::shared_ptr<sim::Simulation> RegisterBuiltinDrivers(DriverRegistry& registry) {
   std::shared_ptr<sim::Simulation> simulation = sim::RegisterSimulatedDrivers(registry);
   sim::RegisterCanopenPeers(registry, simulation);
+  sim::RegisterDisplayPeer(registry, simulation);
   sim::RegisterDlpc350Peer(registry, simulation);
   sim::RegisterDmxPeer(registry, simulation);
   sim::RegisterGigePeer(registry, simulation);

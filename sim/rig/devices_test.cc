@@ -119,7 +119,7 @@ class ProjectorOn : public OnClock<ClockType, ProjectorFixture> {
     return this->bench_.OpenProjector();
   }
   std::optional<Pattern> OnWall() override {
-    return this->bench_.world().ShownPattern(this->clock_.Now());
+    return std::get<Pattern>(this->bench_.world().Shown(this->clock_.Now()));
   }
 };
 

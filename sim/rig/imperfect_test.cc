@@ -127,8 +127,8 @@ TEST(Projector, BlackIsNotDarkUntilItsLampGoesOut) {
   WorldOptions options;
   options.projector.black = 1.0 / 200;
   Imperfect rig(options);
-  rig.world().RampPattern(rig.t0(), rig.t0(), Pattern{PatternArrangement::kFull});
-  rig.world().RampPattern(rig.t0() + milliseconds(10), rig.t0() + milliseconds(10), Pattern{});
+  rig.world().RampProjection(rig.t0(), rig.t0(), Pattern{PatternArrangement::kFull});
+  rig.world().RampProjection(rig.t0() + milliseconds(10), rig.t0() + milliseconds(10), Pattern{});
   rig.world().EndProjector(rig.t0() + milliseconds(20));
   const double white = Sum(rig.See(milliseconds(5)), 1);
   EXPECT_GT(white, 0);
@@ -250,7 +250,7 @@ TEST(Parts, TheBraceHidesTheProjectorAndTheCamerasView) {
   options.parts.brace_bar = 0.04;
   Imperfect braced(options, rig), open({}, rig);
   auto seen = [](Imperfect& world, double azimuth, double tilt) {
-    world.world().RampPattern(world.t0(), world.t0(), Pattern{PatternArrangement::kFull});
+    world.world().RampProjection(world.t0(), world.t0(), Pattern{PatternArrangement::kFull});
     world.world().SetMotion(AxisRole::kTurntable, {{.start = world.t0(), .position = azimuth}});
     world.world().SetMotion(AxisRole::kTilt, {{.start = world.t0(), .position = tilt}});
     return Sum(world.See(milliseconds(1)), 1);
@@ -330,7 +330,7 @@ TEST(World, ACameraOrLightInTheObjectIsRefused) {
   world.Light({0, 1, 0});
   EXPECT_NE(see().message().find("lamp 1"), std::string::npos) << see();
   world.Light({0, 0, 0});
-  world.world().RampPattern(world.t0(), world.t0(), Pattern{PatternArrangement::kFull});
+  world.world().RampProjection(world.t0(), world.t0(), Pattern{PatternArrangement::kFull});
   world.world().SetMotion(AxisRole::kTilt, {{.start = world.t0(), .position = 80}});
   EXPECT_NE(see().message().find("the projector"), std::string::npos) << see();
 }

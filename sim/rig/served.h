@@ -94,7 +94,7 @@ class ServedLamps final : public ServedDevice<Lamps, LampsInfo> {
   absl::Status Refresh() override { return device().Refresh(); }
 };
 
-class ServedProjector final : public ServedDevice<Projector, ProjectorInfo> {
+class ServedProjector : public ServedDevice<Projector, ProjectorInfo> {
  public:
   using ServedDevice::ServedDevice;
   void Show(const Pattern& pattern, TimePoint deadline, Completion<ProjectorState> done) override {

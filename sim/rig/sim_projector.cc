@@ -26,7 +26,7 @@ SimProjector::SimProjector(const std::string& name, const SimProjectorOptions& o
       timers_(world_->clock()),
       operations_(timers_) {
   const TimePoint now = timers_.clock().Now();
-  world_->RampPattern(now, now, Pattern{});  // switched on, it shows black
+  world_->RampProjection(now, now, Pattern{});  // switched on, it shows black
 }
 
 SimProjector::~SimProjector() {
@@ -37,7 +37,7 @@ SimProjector::~SimProjector() {
 
 TimePoint SimProjector::Change(const Pattern& pattern) {
   const TimePoint now = timers_.clock().Now(), settled = now + info_.settle;
-  world_->RampPattern(now + latency_, std::max(now + latency_, settled), pattern);
+  world_->RampProjection(now + latency_, std::max(now + latency_, settled), pattern);
   return settled;
 }
 

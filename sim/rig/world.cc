@@ -28,12 +28,36 @@ uint64_t Fold(uint64_t hash, const LightTerm& term) {
        {WrapTurn(term.pose.azimuth).degrees(), term.pose.tilt.degrees(), term.level_seconds}) {
     hash = sim::Fold(hash, v);
   }
-  const Pattern& p = term.pattern;
+  if (const PixelCodes* codes = std::get_if<PixelCodes>(&term.projection)) {
+    for (uint8_t code : **codes) hash = sim::Fold(hash, uint64_t{code});
+    return hash;
+  }
+  const Pattern& p = std::get<Pattern>(term.projection);
   for (int v : {term.lamp, static_cast<int>(p.arrangement), static_cast<int>(p.profile), p.grid,
                 p.influence, p.column, p.row}) {
     hash = sim::Fold(hash, static_cast<uint64_t>(v));
   }
   return hash;
+}
+
+bool IsBlack(const Projection& projection) {
+  if (const Pattern* pattern = std::get_if<Pattern>(&projection)) {
+    return pattern->arrangement == PatternArrangement::kBlack;
+  }
+  const std::vector<uint8_t>& codes = *std::get<PixelCodes>(projection);
+  return std::all_of(codes.begin(), codes.end(), [](uint8_t code) { return code == 0; });
+}
+
+// The values of the projector's pixels.
+Image ValuesOf(const Projection& projection, const ProjectorGeometry& projector) {
+  if (const Pattern* pattern = std::get_if<Pattern>(&projection)) {
+    return Rasterize(*pattern, projector.width, projector.height);
+  }
+  const std::vector<uint8_t>& codes = *std::get<PixelCodes>(projection);
+  Image values(projector.width, projector.height, 1);
+  std::transform(codes.begin(), codes.end(), values.pixels().begin(),
+                 [](uint8_t code) { return static_cast<float>(code) / 255.0f; });
+  return values;
 }
 
 }  // namespace
@@ -109,21 +133,20 @@ void World::RampLamps(TimePoint from, Duration rise, Duration fall,
   ForgetLocked(from);
 }
 
-void World::RampPattern(TimePoint from, TimePoint to, const Pattern& pattern) {
+void World::RampProjection(TimePoint from, TimePoint to, const Projection& projection) {
+  const bool shines = options_.projector.black > 0 || !IsBlack(projection);
   MutexLock lock(&mutex_);
-  for (auto& [other, share] : patterns_) {
-    if (other != pattern) share.RampTo(from, to, 0);
+  for (auto& [other, share] : projections_) {
+    if (other != projection) share.RampTo(from, to, 0);
   }
-  if (pattern.arrangement != PatternArrangement::kBlack || options_.projector.black > 0) {
-    patterns_[pattern].RampTo(from, to, 1);
-  }
+  if (shines) projections_[projection].RampTo(from, to, 1);
   // It may be told ahead of its time (the video chain's latency); what is still to be exposed is not older than the present.
   ForgetLocked(std::min(from, clock_->Now()));
 }
 
 void World::EndProjector(TimePoint from) {
   MutexLock lock(&mutex_);
-  for (auto& [pattern, share] : patterns_) share.RampTo(from, from, 0);
+  for (auto& [projection, share] : projections_) share.RampTo(from, from, 0);
   ForgetLocked(from);
 }
 
@@ -138,9 +161,9 @@ void World::ForgetLocked(TimePoint now) {
   if (horizon <= forgotten_) return;
   forgotten_ = horizon;
   for (LevelTimeline& lamp : lamps_) lamp.Forget(horizon);
-  for (auto it = patterns_.begin(); it != patterns_.end();) {
+  for (auto it = projections_.begin(); it != projections_.end();) {
     it->second.Forget(horizon);
-    it = it->second.IsIdle() ? patterns_.erase(it) : std::next(it);
+    it = it->second.IsIdle() ? projections_.erase(it) : std::next(it);
   }
   for (MotionTimeline& axis : axes_) axis.Forget(horizon);
 }
@@ -171,12 +194,12 @@ std::vector<float> World::LampLevels(TimePoint t) const {
   return levels;
 }
 
-Pattern World::ShownPattern(TimePoint t) const {
+Projection World::Shown(TimePoint t) const {
   MutexLock lock(&mutex_);
-  Pattern shown;
+  Projection shown;
   double most = 0;
-  for (const auto& [pattern, share] : patterns_) {
-    if (double level = share.At(t); level > most) most = level, shown = pattern;
+  for (const auto& [projection, share] : projections_) {
+    if (double level = share.At(t); level > most) most = level, shown = projection;
   }
   return shown;
 }
@@ -231,8 +254,8 @@ std::vector<LightTerm> World::TermsLocked(TimePoint start, TimePoint end, int ro
         });
       }
       term.lamp = -1;
-      for (const auto& [pattern, share] : patterns_) {
-        term.pattern = pattern;
+      for (const auto& [projection, share] : projections_) {
+        term.projection = projection;
         add(term, a, b, [&timeline = share](TimePoint from, TimePoint to) {
           return timeline.Integral(from, to);
         });
@@ -264,9 +287,8 @@ absl::StatusOr<Image> World::Render(const std::vector<LightTerm>& terms, Duratio
     std::vector<float> rows = term.rows;
     if (rows.empty()) rows.assign(size.height, static_cast<float>(term.level_seconds));
     if (term.lamp < 0) {
-      const ProjectorGeometry& projector = geometry().projector;
       const Image shown =
-          Emitted(Rasterize(term.pattern, projector.width, projector.height), options_.projector);
+          Emitted(ValuesOf(term.projection, geometry().projector), options_.projector);
       transport_.Projector(size, term.pose, keep)->Add(shown, rows, &sum);
     } else {
       add(*transport_.Lamp(size, term.pose, term.lamp, keep), rows, options_.lamps.color);

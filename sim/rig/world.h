@@ -10,6 +10,7 @@
 #include <map>
 #include <memory>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
@@ -34,12 +35,16 @@ enum class Operation { kTrigger, kMove, kSet, kShow };
 
 enum class AxisRole { kTurntable = 0, kTilt = 1 };
 
+// What a projector shows: a pattern, exactly; or what the codes of its own pixels say, one byte each, value = code / 255, top row first.
+using PixelCodes = std::shared_ptr<const std::vector<uint8_t>>;
+using Projection = std::variant<Pattern, PixelCodes>;
+
 // One contribution to an exposure: a light that shone for a while at one pose.
 struct LightTerm {
   Pose pose;
   bool moving = false;  // one step of a motion: not worth caching
-  int lamp = -1;        // index on the brace, or −1: `pattern`
-  Pattern pattern;
+  int lamp = -1;        // index on the brace, or −1: `projection`
+  Projection projection;
   double level_seconds = 0;  // ∫ level dt, while any row was open
   std::vector<float> rows;   // the same by row, if they are open at different times; else empty
 };
@@ -70,8 +75,8 @@ class World {
 
   // Every lamp goes from what it is at `from` to its new level, linearly: brighter within `rise`, darker within `fall`.
   void RampLamps(TimePoint from, Duration rise, Duration fall, absl::Span<const float> levels);
-  // The projector's image fades from what it is at `from` into `pattern` at `to`, linearly.
-  void RampPattern(TimePoint from, TimePoint to, const Pattern& pattern);
+  // The projector's image fades from what it is at `from` into `projection` at `to`, linearly. Pixels are kept until they are history.
+  void RampProjection(TimePoint from, TimePoint to, const Projection& projection);
   // Its lamp goes out: not even black shines.
   void EndProjector(TimePoint from);
   // Replaces what the axis does from the motion's start on.
@@ -82,7 +87,7 @@ class World {
   AxisState AxisAt(AxisRole role, TimePoint t) const;  // `homed` is for the device to say
   Pose PoseAt(TimePoint t) const;
   std::vector<float> LampLevels(TimePoint t) const;
-  Pattern ShownPattern(TimePoint t) const;  // the brightest while one fades into another
+  Projection Shown(TimePoint t) const;  // the brightest while one fades into another
 
   // ---- What a camera sees of it. These compute for milliseconds; call them where that is allowed.
 
@@ -135,8 +140,8 @@ class World {
   std::array<int, 4> counts_ ABSL_GUARDED_BY(mutex_){};  // by Operation
   int frames_ ABSL_GUARDED_BY(mutex_) = 0;
   std::vector<LevelTimeline> lamps_ ABSL_GUARDED_BY(mutex_);
-  std::map<Pattern, LevelTimeline> patterns_
-      ABSL_GUARDED_BY(mutex_);  // share of each pattern in the projector's light
+  std::map<Projection, LevelTimeline> projections_
+      ABSL_GUARDED_BY(mutex_);  // share of each in the projector's light
   std::array<MotionTimeline, 2> axes_ ABSL_GUARDED_BY(mutex_);      // by AxisRole
   TimePoint forgotten_ ABSL_GUARDED_BY(mutex_) = TimePoint::min();  // history begins here
 };

@@ -101,17 +101,37 @@ TEST_F(WorldTest, LightSwitchedOnTooLateIsMissedInProportion) {
 TEST_F(WorldTest, PatternsFadeIntoEachOther) {
   const Pattern left{PatternArrangement::kSquare, PatternProfile::kBox, 2, 0, 0, 1};
   const Pattern full{PatternArrangement::kFull};
-  world_->RampPattern(t0_, t0_, left);
-  EXPECT_EQ(world_->ShownPattern(t0_), left);
+  world_->RampProjection(t0_, t0_, left);
+  EXPECT_EQ(std::get<Pattern>(world_->Shown(t0_)), left);
   const Image a = See(t0_, milliseconds(10));
-  world_->RampPattern(t0_ + seconds(1), t0_ + seconds(1), full);
+  world_->RampProjection(t0_ + seconds(1), t0_ + seconds(1), full);
   const Image b = See(t0_ + seconds(1), milliseconds(10));
   EXPECT_GT(Sum(b), 1.5 * Sum(a));
-  world_->RampPattern(t0_ + seconds(2), t0_ + seconds(2) + milliseconds(10), left);
+  world_->RampProjection(t0_ + seconds(2), t0_ + seconds(2) + milliseconds(10), left);
   EXPECT_LT(Off(See(t0_ + seconds(2), milliseconds(10)), {{0.5, &a}, {0.5, &b}}), 1e-5);
-  world_->RampPattern(t0_ + seconds(3), t0_ + seconds(3), Pattern{});
+  world_->RampProjection(t0_ + seconds(3), t0_ + seconds(3), Pattern{});
   EXPECT_EQ(Sum(See(t0_ + seconds(3), milliseconds(10))), 0);
-  EXPECT_EQ(world_->ShownPattern(t0_ + seconds(3)), Pattern{});
+  EXPECT_EQ(std::get<Pattern>(world_->Shown(t0_ + seconds(3))), Pattern{});
+}
+
+// The codes of a pattern of zeros and ones shine as the pattern does, and half the code half as much.
+TEST_F(WorldTest, PixelsShineAsTheirCodesSay) {
+  const Pattern left{PatternArrangement::kSquare, PatternProfile::kBox, 2, 0, 0, 1};
+  const ProjectorGeometry& projector = world_->geometry().projector;
+  const Image raster = Rasterize(left, projector.width, projector.height);
+  const auto codes = [&](float one) {
+    std::vector<uint8_t> bytes;
+    for (float value : raster.pixels()) bytes.push_back(static_cast<uint8_t>(value * one));
+    return std::make_shared<const std::vector<uint8_t>>(std::move(bytes));
+  };
+  world_->RampProjection(t0_, t0_, left);
+  const Image exact = See(t0_, milliseconds(10));
+  world_->RampProjection(t0_ + seconds(1), t0_ + seconds(1), codes(255));
+  EXPECT_EQ(Off(See(t0_ + seconds(1), milliseconds(10)), {{1, &exact}}), 0);
+  world_->RampProjection(t0_ + seconds(2), t0_ + seconds(2), codes(51));
+  EXPECT_LT(Off(See(t0_ + seconds(2), milliseconds(10)), {{0.2, &exact}}), 1e-6);
+  world_->RampProjection(t0_ + seconds(3), t0_ + seconds(3), codes(0));
+  EXPECT_EQ(Sum(See(t0_ + seconds(3), milliseconds(10))), 0);
 }
 
 TEST_F(WorldTest, MovingTableSmears) {

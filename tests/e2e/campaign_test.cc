@@ -155,5 +155,13 @@ TEST(Campaign, Dlpc350Projector) {
            {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8"});
 }
 
+TEST(Campaign, DisplayProjector) {
+  Campaign(Small(),
+           Faulty(RealTime(Small()), "projector",
+                  "driver = \"sim-display\"\nx_display = \":6873\"\noutput = \"screen\"\n"
+                  "renderer = \"software\"\n"),
+           {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "4"});
+}
+
 }  // namespace
 }  // namespace lightstage

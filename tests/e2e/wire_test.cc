@@ -1,5 +1,5 @@
-// Captures through wires that every machine has: Modbus TCP and a serial line for the axes and lamps, GigE Vision for the camera. Those
-// that need a kernel with buses are in wire_vm_test.cc.
+// Captures through wires that every machine has: Modbus TCP and a serial line for the axes and lamps, GigE Vision for the camera, an X server for
+// the projector. Those that need a kernel with buses are in wire_vm_test.cc.
 #include <string>
 
 #include "drivers/conformance/private_network.h"
@@ -15,16 +15,13 @@ constexpr char kServo[] =
     "max_velocity_dps = 720\nmax_acceleration_dps2 = 7200\nsettle_ms = 10\npoll_ms = 5\n"
     "steps_per_degree = 1000\n";
 
-TEST(Wire, ALightStageOverModbusAndGigEEqualsTheDirectOne) {
-  const std::vector<std::string> plan = {"light-stage", "--azimuths", "8"};
-  const std::string small =
-      Replaced(WithoutNoise(SmallRig()), "format = \"RGB16\"", "format = \"BayerRG16\"");
-  TestFolder direct_folder;
-  Daemon direct(direct_folder, small);
-  const std::string direct_run = direct.Capture(plan);
+std::string DirectRig() {
+  return Replaced(WithoutNoise(SmallRig()), "format = \"RGB16\"", "format = \"BayerRG16\"");
+}
 
-  TestFolder folder;
-  std::string rig = WithTable(RealTime(small), "turntable",
+// The same with the camera, turntable and gantry on wires; the gantry's ends in `folder`.
+std::string WireRig(const TestFolder& folder) {
+  std::string rig = WithTable(RealTime(DirectRig()), "turntable",
                               "driver = \"sim-modbus\"\nprofile = \"oriental-motor-az\"\n"
                               "continuous = true\nhost = \"127.0.0.1\"\nport = 502\n" +
                                   std::string(kServo));
@@ -32,22 +29,45 @@ TEST(Wire, ALightStageOverModbusAndGigEEqualsTheDirectOne) {
                   "driver = \"sim-modbus\"\nprofile = \"applied-motion\"\nmin_deg = 0\n"
                   "max_deg = 90\nbaud = 115200\nparity = \"none\"\nserial_port = \"" +
                       folder.path().string() + "/drive\"\n" + kServo);
-  rig = WithTable(rig, "lamps",
-                  "driver = \"sim-modbus\"\nkind = \"coils\"\ncount = 40\nsettle_ms = 2\n"
-                  "host = \"127.0.0.1\"\nport = 503\n");
   rig = WithTable(rig, "camera",
                   "driver = \"sim-gige\"\nformat = \"BayerRG16\"\nwidth = 64\nheight = 48\n"
                   "exposures_us = [1000, 16000]\n");
-  rig = WithTable(rig, "camera.options",
-                  "address = \"127.0.0.1\"\ngain_db_per_step = 1.0\npacket_size = 7000\n"
-                  "[camera.options.peer]\nsensor_width = 64\nsensor_height = 48\nbits = 12\n");
-  Daemon wire(folder, rig);
-  const std::string wire_run = wire.Capture(plan);
+  return WithTable(rig, "camera.options",
+                   "address = \"127.0.0.1\"\ngain_db_per_step = 1.0\npacket_size = 7000\n"
+                   "[camera.options.peer]\nsensor_width = 64\nsensor_height = 48\nbits = 12\n");
+}
 
+void ExpectSame(const TestFolder& folder, const std::string& wire_rig,
+                const std::vector<std::string>& plan, int images) {
+  TestFolder direct_folder;
+  Daemon direct(direct_folder, DirectRig());
+  const std::string direct_run = direct.Capture(plan);
+  Daemon wire(folder, wire_rig);
+  const std::string wire_run = wire.Capture(plan);
   const BasisComparison same = CompareBasis(direct, direct_run, wire, wire_run, 12, 0.016);
-  EXPECT_EQ(same.images, 320);
+  EXPECT_EQ(same.images, images);
   EXPECT_LE(same.worst, 1.0) << same.where;
-  RecordProperty("worst_steps", std::to_string(same.worst));
+  testing::Test::RecordProperty("worst_steps", std::to_string(same.worst));
+}
+
+TEST(Wire, ALightStageOverModbusAndGigEEqualsTheDirectOne) {
+  TestFolder folder;
+  ExpectSame(folder,
+             WithTable(WireRig(folder), "lamps",
+                       "driver = \"sim-modbus\"\nkind = \"coils\"\ncount = 40\nsettle_ms = 2\n"
+                       "host = \"127.0.0.1\"\nport = 503\n"),
+             {"light-stage", "--azimuths", "8"}, 320);
+}
+
+TEST(Wire, A4dCaptureOnADisplayEqualsTheDirectOne) {
+  TestFolder folder;
+  ExpectSame(
+      folder,
+      WithTable(WireRig(folder), "projector",
+                "driver = \"sim-display\"\nx_display = \":6872\"\noutput = \"screen\"\n"
+                "renderer = \"software\"\n"),
+      {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8", "--influence", "1"},
+      64);
 }
 
 }  // namespace

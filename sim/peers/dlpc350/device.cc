@@ -291,7 +291,7 @@ void Dlpc350Device::LightLocked() {
   on_wall_ = shown;
   if (world_ == nullptr) return;
   const TimePoint now = world_->clock().Now();
-  world_->RampPattern(now, now, shown);
+  world_->RampProjection(now, now, shown);
 }
 
 void Dlpc350Device::SetFaults(const Faults& faults) {

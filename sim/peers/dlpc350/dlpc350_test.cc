@@ -130,7 +130,7 @@ class Fixture : public ProjectorFixture {
   Clock& clock() override { return bench_.clock; }
   absl::StatusOr<std::unique_ptr<Projector>> Open() override { return bench_.Open(); }
   std::optional<Pattern> OnWall() override {
-    return bench_.world->ShownPattern(bench_.clock.Now());
+    return std::get<Pattern>(bench_.world->Shown(bench_.clock.Now()));
   }
 
  private:

@@ -1,4 +1,4 @@
-#include "drivers/display/xwd.h"
+#include "sim/peers/display/xwd.h"
 
 #include "absl/strings/str_cat.h"
 #include "base/status.h"

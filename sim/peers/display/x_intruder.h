@@ -16,10 +16,6 @@ class XIntruder {
   void Cover();
   void Raise();
   void Uncover();
-  // As xrandr does it: a new mode, set on the only output. False if the server would not.
-  bool Resize(int width, int height);
-  // The only output shows nothing any more.
-  bool SwitchOff();
 
  private:
   void* const display_;  // Xlib's Display

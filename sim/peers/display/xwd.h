@@ -1,4 +1,4 @@
-// For tests: an XWD file (X Window Dump, version 7; X11/XWDFile.h), as Xvfb keeps its frame buffer in with -fbdir.
+// An XWD file (X Window Dump, version 7; X11/XWDFile.h), as Xvfb keeps its frame buffer in with -fbdir.
 #pragma once
 
 #include <cstdint>
