@@ -146,6 +146,38 @@ std::vector<Discovered> DiscoverAravis() {
   return found;
 }
 
+// The last reference of a device. It has to be given back here: Aravis emits "control-lost" on the device's heartbeat thread, with a
+// reference of its own, and the device's end joins that thread.
+class AravisLink::LastReference {
+ public:
+  explicit LastReference(ArvDevice* device) : device_(G_OBJECT(device)) {
+    g_object_add_toggle_ref(device_, OnChange, this);
+  }
+  // Waits for the others, and so for what is just being emitted.
+  ~LastReference() {
+    {
+      MutexLock lock(&mutex_);
+      while (!alone_) changed_.Wait(&mutex_);
+    }
+    g_object_remove_toggle_ref(device_, OnChange, this);
+  }
+  LastReference(const LastReference&) = delete;
+  LastReference& operator=(const LastReference&) = delete;
+
+ private:
+  static void OnChange(gpointer self, GObject*, gboolean alone) {
+    auto* reference = static_cast<LastReference*>(self);
+    MutexLock lock(&reference->mutex_);
+    reference->alone_ = alone != FALSE;
+    reference->changed_.SignalAll();
+  }
+
+  GObject* const device_;
+  Mutex mutex_;
+  CondVar changed_;
+  bool alone_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
 AravisLink::AravisLink(const AravisOptions& options, std::string name, Clock& clock, Events events)
     : options_(options), name_(std::move(name)), clock_(clock), events_(std::move(events)) {}
 
@@ -156,6 +188,7 @@ AravisLink::~AravisLink() {
   if (lost_handler_ != 0)
     g_signal_handler_disconnect(arv_camera_get_device(camera_), lost_handler_);
   g_object_unref(camera_);
+  last_reference_.reset();
 }
 
 absl::StatusOr<std::unique_ptr<AravisLink>> AravisLink::Open(const AravisOptions& options,
@@ -209,6 +242,7 @@ absl::Status AravisLink::Connect() {
                   {"wanted", options_.serial}});
   }
   ArvDevice* device = arv_camera_get_device(camera_);
+  last_reference_ = std::make_unique<LastReference>(device);
   if (arv_camera_is_gv_device(camera_)) {
     arv_camera_gv_set_stream_options(camera_, options_.packet_socket
                                                   ? ARV_GV_STREAM_OPTION_NONE

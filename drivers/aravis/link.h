@@ -104,7 +104,9 @@ class AravisLink {
   const std::string name_;
   Clock& clock_;
   const Events events_;
+  class LastReference;
   ArvCamera* camera_ = nullptr;
+  std::unique_ptr<LastReference> last_reference_;  // of its device
   unsigned long lost_handler_ = 0;
   std::atomic<bool> answers_{true};     // else it is no use asking the camera anything
   std::atomic<bool> reporting_{false};  // events are wanted

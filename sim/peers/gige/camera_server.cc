@@ -210,6 +210,11 @@ void GigeCameraServer::LosePackets(double ratio) {
   g_object_set(camera_, "gvsp-lost-ratio", ratio, nullptr);
 }
 
+void GigeCameraServer::DropControl(bool on) {
+  arv_fake_camera_write_register(arv_gv_fake_camera_get_fake_camera(camera_),
+                                 kHeartbeatTimeoutRegister, on ? 0 : kHeartbeatTimeoutMs);
+}
+
 void GigeCameraServer::PulseLine() {
   ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
   guint32 source = 0;

@@ -40,6 +40,10 @@ class GigeCameraServer {
   // This share of the packets of its stream gets lost from now on, 0 to 1. Any thread.
   void LosePackets(double ratio);
 
+  // From now on, or no longer, the camera drops a client with its next word; the client sees it with its next heartbeat, within a second. Any
+  // thread.
+  void DropControl(bool on);
+
   // What frames say of their exposure is so many times the truth. Any thread.
   void Misreport(double factor) { misreport_ = factor; }
   // An edge on Line1: triggers, if the client has chosen it as source. Any thread.

@@ -50,6 +50,10 @@ std::vector<FaultKind> FaultsOf(std::unique_ptr<GigeCameraServer>& server,
   return {loses("loses 0.1 % of the packets", 0.001),
           loses("loses 1 % of the packets", 0.01),
           loses("loses 5 % of the packets", 0.05),
+          {"drops its client", std::chrono::milliseconds(1500),
+           [&server](bool on) {
+             if (server != nullptr) server->DropControl(on);
+           }},
           {"restarts", std::chrono::milliseconds(500), [&server, options, world](bool begins) {
              server.reset();
              if (begins) return;

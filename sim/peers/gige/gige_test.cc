@@ -303,6 +303,11 @@ class Wired {
     camera_->Arm(In(seconds(30)), armed.sink());
     return armed.Wait(In(seconds(60)), "Arm").status();
   }
+  absl::Status Disarm() {
+    Pending<CameraConfig> disarmed(clock_);
+    camera_->Disarm(In(seconds(30)), disarmed.sink());
+    return disarmed.Wait(In(seconds(60)), "Disarm").status();
+  }
   // Pulses Line1 after `pulse`, if at all.
   absl::StatusOr<Frame> Take(Duration exposure, std::optional<Duration> pulse = {},
                              Duration patience = seconds(20)) {
@@ -420,6 +425,29 @@ TEST(SimGigeChunks, CanBeDoneWithout) {
   }
   ASSERT_TRUE(frame.ok()) << frame.status();
   EXPECT_EQ(frame->exposure, milliseconds(16));
+}
+
+// Its heartbeat tells within a second. What waited for it is told so at once, and connects anew while the bad news is still under way.
+TEST(SimGige, AClientThatWasDroppedConnectsAnew) {
+  Wired wired;
+  absl::Status opened = wired.Open("");
+  ASSERT_TRUE(opened.ok()) << opened;
+  ASSERT_TRUE(wired.Ready().ok());
+  for (int i = 0; i < 3; ++i) {
+    wired.server().DropControl(true);
+    absl::Status lost;
+    const TimePoint late = wired.In(seconds(30));
+    while (!absl::IsUnavailable(lost) && wired.clock().Now() < late) {
+      lost = wired.Take(milliseconds(10)).status();
+    }
+    EXPECT_EQ(ErrorReason(lost), "DEVICE_LOST") << lost;
+    wired.server().DropControl(false);
+    EXPECT_TRUE(wired.Disarm().ok());
+    absl::Status ready = wired.Ready();
+    ASSERT_TRUE(ready.ok()) << ready;
+    absl::StatusOr<Frame> frame = wired.Take(milliseconds(10));
+    EXPECT_TRUE(frame.ok() || absl::IsDataLoss(frame.status())) << frame.status();
+  }
 }
 
 TEST(SimGige, SecondCameraOnTheInterfaceIsRefused) {
