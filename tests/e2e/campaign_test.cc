@@ -70,8 +70,17 @@ void Campaign(const std::string& small, const std::string& faulty,
   int runs = 0, images = 0, retakes = 0;
   double worst = 0;
   std::map<std::string, int> pauses;  // by reason
+  std::vector<std::string> capture = {"capture", "--detach"};
+  capture.insert(capture.end(), plan.begin(), plan.end());
   while (Count(daemon.log(), "fault on purpose") < wanted) {
-    const std::string run = daemon.StartRun(plan);
+    // A fault may have come since the last run's end.
+    Answer started;
+    ASSERT_TRUE(WaitUntil(Milliseconds(60000), [&] {
+      started = daemon.Ctl({"reset"});
+      if (started.code == 0) started = daemon.Ctl(capture);
+      return started.code == 0;
+    })) << started.err;
+    const std::string run = started.json()["run"]["name"];
     Json now;
     for (bool ended = false; !ended;) {
       ASSERT_TRUE(WaitUntil(Milliseconds(120000), [&] {

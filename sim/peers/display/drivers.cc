@@ -25,7 +25,7 @@ struct Served {
 // What is confirmed has been scanned out, as by a projector that keeps its time.
 class ServedDisplay final : public ServedProjector {
  public:
-  ServedDisplay(std::shared_ptr<Served> served, std::unique_ptr<Projector> device)
+  ServedDisplay(const std::shared_ptr<Served>& served, std::unique_ptr<Projector> device)
       : ServedProjector(served, std::move(device), kName), projector_(*served->projector) {}
   void Show(const Pattern& pattern, TimePoint deadline, Completion<ProjectorState> done) override {
     device().Show(pattern, deadline, AfterScan(std::move(done)));
@@ -75,7 +75,7 @@ DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simula
     ASSIGN_OR_RETURN(served->projector, DisplayProjector::Start(x_display, std::move(world)));
     ASSIGN_OR_RETURN(std::unique_ptr<Projector> device, connect(context));
     served->faults = std::make_unique<FaultPlan>(context.name, plan, Faults(*served->projector));
-    return std::make_unique<ServedDisplay>(std::move(served), std::move(device));
+    return std::make_unique<ServedDisplay>(served, std::move(device));
   };
 }
 

@@ -111,14 +111,15 @@ absl::Status DisplayProjector::ChangeMode(bool on) {
 
 absl::Status DisplayProjector::BreakSignal(bool on, absl::Status (XvfbProcess::*change)()) {
   if (!server_) return absl::OkStatus();
-  if (!on) {
+  if (on) {
+    RETURN_IF_ERROR(((*server_).*change)());
+  } else {
     RETURN_IF_ERROR(server_->Restore());
-    signal_ = true;
-    return absl::OkStatus();
   }
-  signal_ = false;
+  // Only now: whoever asks for the mode because it is dark sees why.
+  signal_ = !on;
   ScanOutLocked();
-  return ((*server_).*change)();
+  return absl::OkStatus();
 }
 
 }  // namespace lightstage::sim
