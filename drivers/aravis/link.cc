@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
+#include "drivers/aravis/glib.h"
 
 namespace lightstage {
 namespace {
@@ -18,24 +18,6 @@ using std::chrono::seconds;
 constexpr int kBuffers = 4;  // one exposure at a time; the rest covers late and stray frames
 constexpr int kWarmUpFrames = 4;
 constexpr gint kSocketBuffer = 32 << 20;
-
-// A GError on the stack that becomes a Status.
-class GErrorSlot {
- public:
-  GErrorSlot() = default;
-  GErrorSlot(const GErrorSlot&) = delete;
-  GErrorSlot& operator=(const GErrorSlot&) = delete;
-  ~GErrorSlot() { g_clear_error(&error_); }
-  GError** out() {
-    g_clear_error(&error_);
-    return &error_;
-  }
-  const GError* get() const { return error_; }
-  std::string message() const { return error_ ? error_->message : "no answer"; }
-
- private:
-  GError* error_ = nullptr;
-};
 
 const char* StatusName(ArvBufferStatus status) {
   switch (status) {
@@ -59,10 +41,6 @@ const char* StatusName(ArvBufferStatus status) {
       return "unknown";
   }
 }
-
-Duration Microseconds(double us) { return FromSeconds(us * 1e-6); }
-
-std::string OrEmpty(const char* text) { return text ? text : ""; }
 
 }  // namespace
 
@@ -100,84 +78,6 @@ absl::Status AravisLink::Unsuitable(const std::string& message) const {
                absl::StrCat(name_, ": ", message), {{"device", name_}});
 }
 
-std::vector<std::string> AravisLink::Choices(const char* feature) const {
-  guint count = 0;
-  const char** names =
-      arv_camera_dup_available_enumerations_as_strings(camera_, feature, &count, nullptr);
-  std::vector<std::string> choices(names, names + count);
-  g_free(names);
-  return choices;
-}
-
-absl::Status AravisLink::Choose(const char* feature, const std::string& value,
-                                std::string_view key) {
-  // What can not be changed, as the direction of many lines, may be right already.
-  if (OrEmpty(arv_camera_get_string(camera_, feature, nullptr)) == value) return absl::OkStatus();
-  const std::vector<std::string> choices = Choices(feature);
-  if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
-    return Unsuitable(absl::StrFormat(
-        "%s needs %s = %s; the camera has %s", key, feature, value,
-        choices.empty() ? absl::StrCat("no ", feature) : absl::StrJoin(choices, ", ")));
-  }
-  GErrorSlot error;
-  arv_camera_set_string(camera_, feature, value.c_str(), error.out());
-  return Check(error.get(), absl::StrFormat("setting %s to %s", feature, value));
-}
-
-std::vector<Discovered> DiscoverAravis() {
-  arv_update_device_list();
-  std::vector<Discovered> found;
-  for (unsigned int i = 0; i < arv_get_n_devices(); ++i) {
-    const std::string serial = OrEmpty(arv_get_device_serial_nbr(i)),
-                      protocol = OrEmpty(arv_get_device_protocol(i)),
-                      address = OrEmpty(arv_get_device_address(i));
-    if (protocol == "Fake") continue;  // libaravis' own, within this process
-    const bool gige = protocol == "GigEVision";
-    Discovered& camera = found.emplace_back();
-    camera.what = absl::StrFormat("%s camera %s %s, serial %s, at %s", protocol,
-                                  OrEmpty(arv_get_device_vendor(i)),
-                                  OrEmpty(arv_get_device_model(i)), serial, address);
-    camera.toml = absl::StrFormat(
-        "[camera]\ndriver = \"aravis\"\n# format, width, height, exposures_us: as the camera has "
-        "them\n"
-        "[camera.options]\n%sserial = %s\n",
-        gige ? absl::StrFormat("address = %s\n", TomlQuoted(address)) : "", TomlQuoted(serial));
-  }
-  return found;
-}
-
-// The last reference of a device. It has to be given back here: Aravis emits "control-lost" on the device's heartbeat thread, with a
-// reference of its own, and the device's end joins that thread.
-class AravisLink::LastReference {
- public:
-  explicit LastReference(ArvDevice* device) : device_(G_OBJECT(device)) {
-    g_object_add_toggle_ref(device_, OnChange, this);
-  }
-  // Waits for the others, and so for what is just being emitted.
-  ~LastReference() {
-    {
-      MutexLock lock(&mutex_);
-      while (!alone_) changed_.Wait(&mutex_);
-    }
-    g_object_remove_toggle_ref(device_, OnChange, this);
-  }
-  LastReference(const LastReference&) = delete;
-  LastReference& operator=(const LastReference&) = delete;
-
- private:
-  static void OnChange(gpointer self, GObject*, gboolean alone) {
-    auto* reference = static_cast<LastReference*>(self);
-    MutexLock lock(&reference->mutex_);
-    reference->alone_ = alone != FALSE;
-    reference->changed_.SignalAll();
-  }
-
-  GObject* const device_;
-  Mutex mutex_;
-  CondVar changed_;
-  bool alone_ ABSL_GUARDED_BY(mutex_) = false;
-};
-
 AravisLink::AravisLink(const AravisOptions& options, std::string name, Clock& clock, Events events)
     : options_(options), name_(std::move(name)), clock_(clock), events_(std::move(events)) {}
 
@@ -191,164 +91,6 @@ AravisLink::~AravisLink() {
   last_reference_.reset();
 }
 
-absl::StatusOr<std::unique_ptr<AravisLink>> AravisLink::Open(const AravisOptions& options,
-                                                             const std::string& name, Clock& clock,
-                                                             Events events) {
-  std::unique_ptr<AravisLink> link(new AravisLink(options, name, clock, std::move(events)));
-  RETURN_IF_ERROR(link->Connect());
-  RETURN_IF_ERROR(link->Prepare());
-  RETURN_IF_ERROR(link->ReadCapabilities());
-  RETURN_IF_ERROR(link->PrepareChunks());
-  return link;
-}
-
-absl::Status AravisLink::Connect() {
-  std::string target = options_.address;
-  if (target.empty()) {
-    arv_update_device_list();
-    std::string seen;
-    for (unsigned int i = 0; i < arv_get_n_devices(); ++i) {
-      std::string serial = OrEmpty(arv_get_device_serial_nbr(i));
-      absl::StrAppend(&seen, seen.empty() ? "" : ", ", serial);
-      if (serial == options_.serial) target = OrEmpty(arv_get_device_id(i));
-    }
-    if (target.empty()) {
-      return Error(absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND",
-                   absl::StrFormat("%s: no camera with serial '%s' answers; seen: %s", name_,
-                                   options_.serial, seen.empty() ? "none" : seen),
-                   {{"device", name_}, {"serial", options_.serial}, {"seen", seen}});
-    }
-  }
-  GErrorSlot error;
-  camera_ = arv_camera_new(target.c_str(), error.out());
-  if (!camera_) {
-    return Error(
-        absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND",
-        absl::StrFormat("%s: no camera answers at '%s': %s", name_, target, error.message()),
-        {{"device", name_}, {"address", target}, {"detail", error.message()}});
-  }
-  capabilities_.vendor = OrEmpty(arv_camera_get_vendor_name(camera_, nullptr));
-  capabilities_.model = OrEmpty(arv_camera_get_model_name(camera_, nullptr));
-  capabilities_.serial = OrEmpty(arv_camera_get_device_serial_number(camera_, nullptr));
-  // A camera that was found by its serial is the one, even if it gives itself another one than the bus does (USB3 Vision).
-  if (!options_.address.empty() && !options_.serial.empty() &&
-      capabilities_.serial != options_.serial) {
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrFormat("%s: the camera at '%s' has serial '%s', the rig file wants '%s'",
-                                 name_, target, capabilities_.serial, options_.serial),
-                 {{"device", name_},
-                  {"address", target},
-                  {"serial", capabilities_.serial},
-                  {"wanted", options_.serial}});
-  }
-  ArvDevice* device = arv_camera_get_device(camera_);
-  last_reference_ = std::make_unique<LastReference>(device);
-  if (arv_camera_is_gv_device(camera_)) {
-    arv_camera_gv_set_stream_options(camera_, options_.packet_socket
-                                                  ? ARV_GV_STREAM_OPTION_NONE
-                                                  : ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
-    if (options_.packet_size) {
-      arv_camera_gv_set_packet_size_adjustment(camera_, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
-      arv_camera_gv_set_packet_size(camera_, *options_.packet_size, error.out());
-      RETURN_IF_ERROR(Check(error.get(), "setting the packet size"));
-    }
-    if (!arv_gv_device_is_controller(ARV_GV_DEVICE(device))) {
-      return Error(
-          absl::StatusCode::kUnavailable, "DEVICE_LOST",
-          absl::StrFormat("%s: another program controls the camera at '%s'", name_, target),
-          {{"device", name_}, {"address", target}});
-    }
-  } else if (options_.packet_size || options_.packet_timeout || options_.frame_retention ||
-             options_.packet_socket) {
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrFormat("%s: packet_size, packet_timeout_ms, frame_retention_ms and "
-                                 "packet_socket are for GigE cameras; '%s' is none",
-                                 name_, target),
-                 {{"device", name_}, {"address", target}});
-  }
-  // The other mode does not say when a frame begins.
-  if (arv_camera_is_uv_device(camera_)) arv_camera_uv_set_usb_mode(camera_, ARV_UV_USB_MODE_SYNC);
-  auto lost =
-      +[](ArvDevice*, gpointer self) { static_cast<AravisLink*>(self)->events_.control_lost(); };
-  lost_handler_ = g_signal_connect(device, "control-lost", G_CALLBACK(lost), this);
-  return absl::OkStatus();
-}
-
-// Whatever state the last user left the camera in.
-absl::Status AravisLink::Prepare() {
-  GErrorSlot error;
-  arv_camera_stop_acquisition(camera_, error.out());
-  RETURN_IF_ERROR(Check(error.get(), "stopping the acquisition"));
-  if (!arv_camera_is_software_trigger_supported(camera_, nullptr)) {
-    return Unsuitable("the camera has no software trigger");
-  }
-  if (!arv_camera_is_exposure_time_available(camera_, nullptr)) {
-    return Unsuitable("the camera's exposure time can not be set");
-  }
-  if (arv_camera_is_exposure_auto_available(camera_, nullptr)) {
-    arv_camera_set_exposure_time_auto(camera_, ARV_AUTO_OFF, error.out());
-    RETURN_IF_ERROR(Check(error.get(), "turning automatic exposure off"));
-  }
-  if (arv_camera_is_gain_auto_available(camera_, nullptr)) {
-    arv_camera_set_gain_auto(camera_, ARV_AUTO_OFF, error.out());
-    RETURN_IF_ERROR(Check(error.get(), "turning automatic gain off"));
-  }
-  if (arv_camera_is_binning_available(camera_, nullptr)) {
-    arv_camera_set_binning(camera_, 1, 1, error.out());
-    RETURN_IF_ERROR(Check(error.get(), "turning binning off"));
-  }
-  if (arv_camera_is_region_offset_available(camera_, nullptr)) {
-    for (const char* offset : {"OffsetX", "OffsetY"}) {
-      arv_camera_set_integer(camera_, offset, 0, error.out());
-      RETURN_IF_ERROR(Check(error.get(), absl::StrCat("setting ", offset)));
-    }
-  }
-  arv_camera_set_acquisition_mode(camera_, ARV_ACQUISITION_MODE_CONTINUOUS, error.out());
-  RETURN_IF_ERROR(Check(error.get(), "setting the acquisition mode"));
-  return PrepareLines();
-}
-
-// Asks for each of them once, so that a camera that lacks one is refused when it is opened.
-absl::Status AravisLink::PrepareLines() {
-  if (!options_.SoftwareTriggered()) {
-    RETURN_IF_ERROR(TurnTriggerOn());
-    RETURN_IF_ERROR(Choose("TriggerSource", options_.trigger_source, "trigger_source"));
-  }
-  if (options_.exposure_active_line.empty()) return absl::OkStatus();
-  constexpr char kKey[] = "exposure_active_line";
-  RETURN_IF_ERROR(Choose("LineSelector", options_.exposure_active_line, kKey));
-  RETURN_IF_ERROR(Choose("LineMode", "Output", kKey));
-  return Choose("LineSource", "ExposureActive", kKey);
-}
-
-// Frames shall say how they were exposed. Number and time of a frame are in its leader anyway.
-absl::Status AravisLink::PrepareChunks() {
-  if (!arv_camera_are_chunks_available(camera_, nullptr)) return absl::OkStatus();
-  GErrorSlot error;
-  const std::vector<std::string> selectors = Choices("ChunkSelector");
-  const auto has = [&](const char* selector, const char* feature) {
-    return options_.chunk_data &&
-           std::find(selectors.begin(), selectors.end(), selector) != selectors.end() &&
-           arv_camera_is_feature_available(camera_, feature, nullptr);
-  };
-  exposure_chunk_ = has("ExposureTime", "ChunkExposureTime");
-  gain_chunk_ =
-      capabilities_.gain == AravisCapabilities::Gain::kDecibels && has("Gain", "ChunkGain");
-  const bool wanted = exposure_chunk_ || gain_chunk_;
-  if (wanted != static_cast<bool>(arv_camera_get_chunk_mode(camera_, nullptr))) {
-    arv_camera_set_chunk_mode(camera_, wanted, error.out());
-    RETURN_IF_ERROR(Check(error.get(), "setting ChunkModeActive"));
-  }
-  for (const auto& [selector, on] :
-       {std::pair{"ExposureTime", exposure_chunk_}, {"Gain", gain_chunk_}}) {
-    if (on) arv_camera_set_chunk_state(camera_, selector, TRUE, error.out());
-    RETURN_IF_ERROR(Check(error.get(), absl::StrCat("turning on the chunk ", selector)));
-  }
-  if (wanted) chunks_ = arv_camera_create_chunk_parser(camera_);
-  return absl::OkStatus();
-}
-
-// Puts into `frame` what it says of itself.
 absl::Status AravisLink::ReadChunks(ArvBuffer* buffer, Frame& frame) {
   GErrorSlot error;
   const auto silent = [&](std::string_view chunk) {
@@ -374,73 +116,6 @@ absl::Status AravisLink::ReadChunks(ArvBuffer* buffer, Frame& frame) {
     if (error.get()) return silent("ChunkGain");
     frame.gain_db = gain;
   }
-  return absl::OkStatus();
-}
-
-absl::Status AravisLink::ReadFormats() {
-  GErrorSlot error;
-  unsigned int count = 0;
-  gint64* codes = arv_camera_dup_available_pixel_formats(camera_, &count, error.out());
-  RETURN_IF_ERROR(Check(error.get(), "reading the pixel formats"));
-  std::vector<uint32_t> offered(codes, codes + count);
-  g_free(codes);
-  capabilities_.formats = UsableFormats(offered, options_.pixel_format);
-  if (!capabilities_.formats.empty()) return absl::OkStatus();
-  const std::string has = absl::StrJoin(Choices("PixelFormat"), ", ");
-  return Unsuitable(options_.pixel_format.empty()
-                        ? absl::StrCat("none of the camera's pixel formats can be used: it has ",
-                                       has, "; wanted are Mono, Bayer or RGB of 8 to 16 bits")
-                        : absl::StrFormat("PixelFormat %s is asked for; the camera has %s",
-                                          options_.pixel_format, has));
-}
-
-absl::Status AravisLink::ReadCapabilities() {
-  RETURN_IF_ERROR(ReadFormats());
-  GErrorSlot error;
-  AravisCapabilities& caps = capabilities_;
-
-  bool offsets = arv_camera_is_region_offset_available(camera_, nullptr);
-  gint low = 0, high = 0;
-  arv_camera_get_width_bounds(camera_, &low, &high, error.out());
-  RETURN_IF_ERROR(Check(error.get(), "reading the width's range"));
-  caps.width.min = low;
-  caps.width.max = high;
-  arv_camera_get_height_bounds(camera_, &low, &high, error.out());
-  RETURN_IF_ERROR(Check(error.get(), "reading the height's range"));
-  caps.height.min = low;
-  caps.height.max = high;
-  caps.width.step = std::max(1, arv_camera_get_width_increment(camera_, nullptr));
-  caps.height.step = std::max(1, arv_camera_get_height_increment(camera_, nullptr));
-  caps.width.has_offset = caps.height.has_offset = offsets;
-  if (offsets) {
-    caps.width.offset_step = std::max(1, arv_camera_get_x_offset_increment(camera_, nullptr));
-    caps.height.offset_step = std::max(1, arv_camera_get_y_offset_increment(camera_, nullptr));
-  }
-
-  double shortest = 0, longest = 0;
-  arv_camera_get_exposure_time_bounds(camera_, &shortest, &longest, error.out());
-  RETURN_IF_ERROR(Check(error.get(), "reading the exposure time's range"));
-  caps.min_exposure = std::max<Duration>(Microseconds(shortest), Duration(1));
-  caps.max_exposure = Microseconds(longest);
-  for (const char* feature : {"ExposureTime", "ExposureTimeAbs"}) {
-    if (!arv_camera_is_feature_available(camera_, feature, nullptr)) continue;
-    // Without a step in the camera's description libaravis answers the smallest number there is.
-    double step = arv_camera_get_float_increment(camera_, feature, nullptr);
-    if (step > 1e-3 && step < longest) caps.exposure_step = Microseconds(step);
-  }
-  return ReadGain();
-}
-
-absl::Status AravisLink::ReadGain() {
-  AravisCapabilities& caps = capabilities_;
-  if (!arv_camera_is_gain_available(camera_, nullptr)) return absl::OkStatus();
-  GErrorSlot error;
-  arv_camera_get_gain_bounds(camera_, &caps.min_gain, &caps.max_gain, error.out());
-  RETURN_IF_ERROR(Check(error.get(), "reading the gain's range"));
-  bool decibels = arv_camera_is_feature_available(camera_, "Gain", nullptr) ||
-                  arv_camera_is_feature_available(camera_, "GainAbs", nullptr);
-  caps.gain = decibels ? AravisCapabilities::Gain::kDecibels : AravisCapabilities::Gain::kRaw;
-  caps.gain_db_per_step = decibels ? 0 : options_.gain_db_per_step;
   return absl::OkStatus();
 }
 

@@ -25,6 +25,8 @@ struct _GError;
 
 namespace lightstage {
 
+class LastReference;
+
 // What answers on the network and on the USB. One thread at a time, and none that has a link open meanwhile.
 std::vector<Discovered> DiscoverAravis();
 
@@ -104,7 +106,6 @@ class AravisLink {
   const std::string name_;
   Clock& clock_;
   const Events events_;
-  class LastReference;
   ArvCamera* camera_ = nullptr;
   std::unique_ptr<LastReference> last_reference_;  // of its device
   unsigned long lost_handler_ = 0;
