@@ -45,12 +45,12 @@ inline absl::Status Time(const CallOpener& open, const RoundTrip& trip, Duration
 }
 
 inline void PrintRoundTripHeader() {
-  std::printf("%-20s %-24s %10s %10s %12s %8s %9s\n", "driver", "command", "p50 us", "p99 us",
-              "wire p50 us", "ratio", "own us");
+  std::printf("%-20s %-24s %10s %10s %12s %8s %9s %8s\n", "driver", "command", "p50 us", "p99 us",
+              "wire p50 us", "ratio", "own us", "/ hop");
 }
 
-// `own`: what the driver takes at the median beyond the wire.
-inline absl::Status PrintRoundTrip(const RoundTrip& trip, Clock& clock) {
+// `own` is what the driver takes at the median beyond the wire, then in units of `hop_us`, a hand-over to a thread and back.
+inline absl::Status PrintRoundTrip(const RoundTrip& trip, double hop_us, Clock& clock) {
   constexpr int kRounds = 3;
   std::vector<double> driver, wire;
   for (int round = 0; round < kRounds; ++round) {
@@ -59,8 +59,9 @@ inline absl::Status PrintRoundTrip(const RoundTrip& trip, Clock& clock) {
   }
   const double p50 = Percentile(driver, 0.5);
   const double limit = (trip.bare ? Percentile(wire, 0.5) : 0) + Seconds(trip.line) * 1e6;
-  std::printf("%-20s %-24s %10.1f %10.1f %12.1f %8.2f %9.1f\n", trip.driver, trip.command, p50,
-              Percentile(driver, 0.99), limit, p50 / limit, p50 - limit);
+  std::printf("%-20s %-24s %10.1f %10.1f %12.1f %8.2f %9.1f %8.1f\n", trip.driver, trip.command,
+              p50, Percentile(driver, 0.99), limit, p50 / limit, p50 - limit,
+              (p50 - limit) / hop_us);
   std::fflush(stdout);
   return absl::OkStatus();
 }
