@@ -170,8 +170,8 @@ absl::StatusOr<Call> BareModbus(Stage& stage, const sim::ModbusServer& server, i
       });
   if (modbus_connect(context.get()) != 0) return absl::UnavailableError(modbus_strerror(errno));
   modbus_set_slave(context.get(), unit);
-  return [&stage, tcp, context, asks = std::move(asks)]() -> absl::Status {
-    for (const auto& ask : asks) {
+  return [&stage, tcp, context, asks = std::move(asks)]() mutable -> absl::Status {
+    for (auto& ask : asks) {
       if (!tcp) SleepFor(stage.clock, kSilence);
       if (ask(context.get()) < 0) return absl::UnavailableError(modbus_strerror(errno));
     }
@@ -208,9 +208,10 @@ absl::Status MeasureModbus(Stage& stage, bool tcp) {
       return modbus_read_registers(context, first, count, values);
     };
   };
-  auto write = [](modbus_t* context) {
-    const uint8_t coils[kLamps] = {1};
-    return modbus_write_bits(context, kFirstCoil, kLamps, coils);
+  auto write = [on = false](modbus_t* context) mutable {
+    on = !on;
+    const std::vector<uint8_t> coils(kLamps, on ? 1 : 0);
+    return modbus_write_bits(context, kFirstCoil, kLamps, coils.data());
   };
   auto read = [](modbus_t* context) {
     uint8_t coils[kLamps];
@@ -263,6 +264,8 @@ constexpr char kTurntable[] =
     "homing_velocity_dps = 360\n";
 constexpr char kOutputs[] = "interface = \"can0\"\nnode = 9\noutput = \"digital\"\nsettle_ms = 0\n";
 
+using SdoRequests = std::vector<canopen::SdoBytes>;
+
 // A wire with one node and one more end, made anew for each measurement: the driver's bus or the bare port.
 class CanWire {
  public:
@@ -288,21 +291,22 @@ class CanWire {
   std::shared_ptr<canopen::CanBus> Bus() {
     return std::make_shared<canopen::CanBus>("can0", stage_.clock, [this] { return Attach(); });
   }
-  // Sends each frame to the node and waits for its answer.
-  absl::StatusOr<Call> Bare(int node, std::vector<canopen::SdoBytes> requests) {
+  // Sends each frame to the node and waits for its answer; another one of `commands` each time.
+  absl::StatusOr<Call> Bare(int node, std::vector<SdoRequests> commands) {
     ASSIGN_OR_RETURN(std::shared_ptr<canopen::CanPort> port, Attach());
-    return [port, node, requests = std::move(requests)]() -> absl::Status {
-      for (const canopen::SdoBytes& request : requests) {
-        RETURN_IF_ERROR(
-            port->Send(canopen::MakeFrame(static_cast<uint16_t>(0x600 + node), request)));
-        std::optional<canopen::CanEvent> event;
-        do {
-          ASSIGN_OR_RETURN(event, port->Receive(seconds(5)));
-          if (!event) return absl::DeadlineExceededError("the node does not answer");
-        } while (event->frame.id != 0x580 + node);
-      }
-      return absl::OkStatus();
-    };
+    return
+        [port, node, commands = std::move(commands), turn = size_t{0}]() mutable -> absl::Status {
+          for (const canopen::SdoBytes& request : commands[turn++ % commands.size()]) {
+            RETURN_IF_ERROR(
+                port->Send(canopen::MakeFrame(static_cast<uint16_t>(0x600 + node), request)));
+            std::optional<canopen::CanEvent> event;
+            do {
+              ASSIGN_OR_RETURN(event, port->Receive(seconds(5)));
+              if (!event) return absl::DeadlineExceededError("the node does not answer");
+            } while (event->frame.id != 0x580 + node);
+          }
+          return absl::OkStatus();
+        };
   }
 
  private:
@@ -331,18 +335,19 @@ absl::Status MeasureCanopen(Stage& stage, const std::string& interface) {
     return canopen::OpenLamps(stage.Context("lamps"), "canopen", lamps, wire.Bus());
   };
   auto bare = [&](absl::Status (CanWire::*add)(), int node,
-                  std::vector<canopen::SdoBytes> requests) -> absl::StatusOr<Call> {
+                  std::vector<SdoRequests> commands) -> absl::StatusOr<Call> {
     ASSIGN_OR_RETURN(std::shared_ptr<CanWire> wire, wire_with(add));
-    ASSIGN_OR_RETURN(Call call, wire->Bare(node, std::move(requests)));
+    ASSIGN_OR_RETURN(Call call, wire->Bare(node, std::move(commands)));
     return Keeping(wire, std::move(call));
   };
   // Eight lamps an object.
-  std::vector<canopen::SdoBytes> set, check;
+  SdoRequests light, darken, check;
   for (uint8_t sub = 1; sub <= kLamps / 8; ++sub) {
     const canopen::ObjectAddress object{0x6200, sub};
-    const uint8_t lit[] = {0xFF};
-    set.push_back(canopen::EncodeDownload(object, lit));
-    set.push_back(canopen::EncodeUpload(object));
+    for (auto [requests, value] : {std::pair(&light, uint8_t{0xFF}), {&darken, uint8_t{0}}}) {
+      requests->push_back(canopen::EncodeDownload(object, {&value, 1}));
+      requests->push_back(canopen::EncodeUpload(object));
+    }
     check.push_back(canopen::EncodeUpload(object));
   }
   const char* const name = interface.empty() ? "canopen, process" : "canopen, SocketCAN";
@@ -359,7 +364,7 @@ absl::Status MeasureCanopen(Stage& stage, const std::string& interface) {
                    },
                    .bare =
                        [&] {
-                         return bare(&CanWire::AddDrive, 5, {canopen::EncodeUpload({0x606C, 0})});
+                         return bare(&CanWire::AddDrive, 5, {{canopen::EncodeUpload({0x606C, 0})}});
                        }}));
   RETURN_IF_ERROR(stage.Print({.driver = name,
                                .command = "Lamps::Set, 40 outputs",
@@ -368,7 +373,10 @@ absl::Status MeasureCanopen(Stage& stage, const std::string& interface) {
                                  ASSIGN_OR_RETURN(std::unique_ptr<Lamps> opened, open_lamps(*wire));
                                  return Keeping(wire, SetsLamps(stage, std::move(opened)));
                                },
-                               .bare = [&] { return bare(&CanWire::AddOutputs, 9, set); }}));
+                               .bare =
+                                   [&] {
+                                     return bare(&CanWire::AddOutputs, 9, {light, darken});
+                                   }}));
   return stage.Print({.driver = name,
                       .command = "Lamps::Check",
                       .through_driver = [&]() -> absl::StatusOr<Call> {
@@ -376,7 +384,7 @@ absl::Status MeasureCanopen(Stage& stage, const std::string& interface) {
                         ASSIGN_OR_RETURN(std::unique_ptr<Lamps> opened, open_lamps(*wire));
                         return Keeping(wire, Checks<Lamps>(stage, std::move(opened)));
                       },
-                      .bare = [&] { return bare(&CanWire::AddOutputs, 9, check); }});
+                      .bare = [&] { return bare(&CanWire::AddOutputs, 9, {check}); }});
 }
 
 // ---- DMX512
@@ -409,13 +417,21 @@ absl::Status MeasureDmx(Stage& stage, dmx::WidgetKind kind) {
         dmx::OpenDmxLamps(options, stage.Context("lamps"), sim::MakeSimUsbBus({widget})));
     return Keeping(widget, SetsLamps(stage, std::move(lamps)));
   };
-  const char* const name = open ? "dmx open" : "dmx pro";
-  RETURN_IF_ERROR(stage.Print({.driver = name,
+  // A pro sends by itself, and where it is in a packet nobody can know: at worst the next one is the first with what is new.
+  if (!open) {
+    return stage.Print(
+        {.driver = "dmx pro",
+         .command = "Lamps::Set",
+         .calls = 60,
+         .through_driver = set,
+         .line = kPacket + FromSeconds(1.0 / sim::DmxProOptions().packets_per_second)});
+  }
+  RETURN_IF_ERROR(stage.Print({.driver = "dmx open",
                                .command = "Lamps::Set, at once",
                                .calls = 60,
                                .through_driver = set,
                                .line = kPacket}));
-  return stage.Print({.driver = name,
+  return stage.Print({.driver = "dmx open",
                       .command = "Lamps::Set, at any time",
                       .calls = 60,
                       .through_driver = set,

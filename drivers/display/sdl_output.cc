@@ -38,6 +38,8 @@ absl::Status StartSdl(const std::string& backend, const std::string& x_display) 
   SDL_SetHint(SDL_HINT_VIDEO_X11_NET_WM_BYPASS_COMPOSITOR, "1");
   SDL_SetHint(SDL_HINT_VIDEO_MINIMIZE_ON_FOCUS_LOSS, "0");
   SDL_SetHint(SDL_HINT_RENDER_SCALE_QUALITY, "nearest");
+  // What the software renderer drew goes to the screen as it is, not through a GL, which may be done in software too.
+  SDL_SetHint(SDL_HINT_FRAMEBUFFER_ACCELERATION, "0");
   SDL_SetHint(SDL_HINT_VIDEO_ALLOW_SCREENSAVER, "0");
   if (SDL_Init(SDL_INIT_VIDEO) != 0) {
     return Error(absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND",
