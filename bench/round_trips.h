@@ -49,19 +49,21 @@ inline void PrintRoundTripHeader() {
               "wire p50 us", "ratio", "own us", "/ hop");
 }
 
-// `own` is what the driver takes at the median beyond the wire, then in units of `hop_us`, a hand-over to a thread and back.
-inline absl::Status PrintRoundTrip(const RoundTrip& trip, double hop_us, Clock& clock) {
+// `own` is what the driver takes at the median beyond the wire, then in units of `hop`: a command that does nothing but go to a device's
+// thread and back.
+inline absl::Status PrintRoundTrip(const RoundTrip& trip, const CallOpener& hop, Clock& clock) {
   constexpr int kRounds = 3;
-  std::vector<double> driver, wire;
+  std::vector<double> driver, wire, hops;
   for (int round = 0; round < kRounds; ++round) {
     RETURN_IF_ERROR(Time(trip.through_driver, trip, trip.pause, clock, &driver));
     if (trip.bare) RETURN_IF_ERROR(Time(trip.bare, trip, {}, clock, &wire));
+    RETURN_IF_ERROR(Time(hop, {.calls = 300}, {}, clock, &hops));
   }
   const double p50 = Percentile(driver, 0.5);
   const double limit = (trip.bare ? Percentile(wire, 0.5) : 0) + Seconds(trip.line) * 1e6;
+  const double own = p50 - limit;
   std::printf("%-20s %-24s %10.1f %10.1f %12.1f %8.2f %9.1f %8.1f\n", trip.driver, trip.command,
-              p50, Percentile(driver, 0.99), limit, p50 / limit, p50 - limit,
-              (p50 - limit) / hop_us);
+              p50, Percentile(driver, 0.99), limit, p50 / limit, own, own / Percentile(hops, 0.5));
   std::fflush(stdout);
   return absl::OkStatus();
 }
