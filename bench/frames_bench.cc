@@ -10,6 +10,8 @@
 
 #include <arv.h>
 #include <fcntl.h>
+#include <linux/videodev2.h>
+#include <signal.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -22,6 +24,7 @@
 #include <cstring>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,7 +36,6 @@
 #include "drivers/conformance/private_network.h"
 #include "drivers/v4l2/v4l2_camera.h"
 #include "drivers/v4l2/v4l2_device.h"
-#include "linux/videodev2.h"
 
 namespace lightstage::bench {
 namespace {
