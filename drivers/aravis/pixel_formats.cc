@@ -104,7 +104,7 @@ std::vector<std::byte> UnpackGenicam(const GenicamFormat& format, std::span<cons
       static_cast<size_t>(width) * SamplesPerPixel(format.format) * BytesPerSample(format.format);
   std::vector<std::byte> out;
   if (format.packing == kNone) {
-    // Put behind one another, not into a frame of zeros: clearing it first would cost half as much again.
+    // Put behind one another, not into a frame of zeros: to clear it first is one more pass over its memory.
     out.reserve(out_row * height);
     for (int y = 0; y < height; ++y) {
       const std::byte* from = bytes.data() + y * stride;
