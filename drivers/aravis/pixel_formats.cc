@@ -1,7 +1,5 @@
 #include "drivers/aravis/pixel_formats.h"
 
-#include <cstring>
-
 namespace lightstage {
 namespace {
 
@@ -104,15 +102,19 @@ std::vector<std::byte> UnpackGenicam(const GenicamFormat& format, std::span<cons
   if (width % PixelsPerGroup(format) != 0 || bytes.size() < stride * (height - 1) + row) return {};
   const size_t out_row =
       static_cast<size_t>(width) * SamplesPerPixel(format.format) * BytesPerSample(format.format);
-  std::vector<std::byte> out(out_row * height);
-  for (int y = 0; y < height; ++y) {
-    const std::byte* from = bytes.data() + y * stride;
-    std::byte* to = out.data() + y * out_row;
-    if (format.packing == kNone) {
-      std::memcpy(to, from, row);
-    } else {
-      UnpackRow(format, from, width, to);
+  std::vector<std::byte> out;
+  if (format.packing == kNone) {
+    // Put behind one another, not into a frame of zeros: to clear it first is one more pass over its memory.
+    out.reserve(out_row * height);
+    for (int y = 0; y < height; ++y) {
+      const std::byte* from = bytes.data() + y * stride;
+      out.insert(out.end(), from, from + row);
     }
+    return out;
+  }
+  out.resize(out_row * height);
+  for (int y = 0; y < height; ++y) {
+    UnpackRow(format, bytes.data() + y * stride, width, out.data() + y * out_row);
   }
   return out;
 }

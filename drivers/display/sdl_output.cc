@@ -38,6 +38,8 @@ absl::Status StartSdl(const std::string& backend, const std::string& x_display) 
   SDL_SetHint(SDL_HINT_VIDEO_X11_NET_WM_BYPASS_COMPOSITOR, "1");
   SDL_SetHint(SDL_HINT_VIDEO_MINIMIZE_ON_FOCUS_LOSS, "0");
   SDL_SetHint(SDL_HINT_RENDER_SCALE_QUALITY, "nearest");
+  // What the software renderer drew goes to the screen as it is, not through a GL, which may be done in software too.
+  SDL_SetHint(SDL_HINT_FRAMEBUFFER_ACCELERATION, "0");
   SDL_SetHint(SDL_HINT_VIDEO_ALLOW_SCREENSAVER, "0");
   if (SDL_Init(SDL_INIT_VIDEO) != 0) {
     return Error(absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND",
@@ -236,9 +238,14 @@ absl::Status SdlOutput::Present(bool read_back) {
                           i / head_.width));
     }
   }
+  AwaitRefresh();
   SDL_RenderPresent(renderer_);
-  if (!info_.paced) std::this_thread::sleep_for(RefreshTime(info_));
+  presented_ = Steady::now();
   return absl::OkStatus();
+}
+
+void SdlOutput::AwaitRefresh() {
+  if (!info_.paced) std::this_thread::sleep_until(presented_ + RefreshTime(info_));
 }
 
 absl::Status SdlOutput::CheckMode() {
@@ -313,12 +320,14 @@ absl::Status SdlOutput::Show(std::span<const uint32_t> pixels) {
   for (int i = 0; i < options_.frames; ++i) RETURN_IF_ERROR(Present(true));
   // Whatever was measured: so many frames last so long.
   std::this_thread::sleep_until(begin + (options_.frames - 1) * RefreshTime(info_));
+  AwaitRefresh();
   stale_ = false;
   if (server_ != nullptr) {
     // The server has a queue of its own: once more after a further frame, and again.
     absl::Status shown = server_->CheckPixels(head_, pixels_);
     for (int i = 0; i < 3 && ErrorReason(shown) == "DEVICE_FAULT"; ++i) {
       RETURN_IF_ERROR(Present(true));
+      AwaitRefresh();
       shown = server_->CheckPixels(head_, pixels_);
     }
     RETURN_IF_ERROR(shown);

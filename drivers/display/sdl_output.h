@@ -1,6 +1,7 @@
 // The window on one output, by SDL. For the screen process only: on its main thread.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -48,6 +49,8 @@ class SdlOutput {
   absl::Status CheckMode();
   absl::Status Pump();
   absl::Status Present(bool read_back);
+  // Where presenting does not wait for the refresh: until the frame presented last has had one.
+  void AwaitRefresh();
   absl::Status MeasurePacing();
 
   const OutputOptions options_;
@@ -55,6 +58,7 @@ class SdlOutput {
   Head head_;
   int sdl_display_ = 0;
   ScreenInfo info_;
+  std::chrono::steady_clock::time_point presented_{};
   SDL_Window* window_ = nullptr;
   SDL_Renderer* renderer_ = nullptr;
   SDL_Texture* texture_ = nullptr;

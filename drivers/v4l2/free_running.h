@@ -40,6 +40,7 @@ class FrameChoice {
   FrameChoice() = default;
   // Only frames without light from before `lit` count; the first `skip` of them are passed over.
   FrameChoice(TimePoint lit, int skip) : lit_(lit), skip_(skip) {}
+  TimePoint lit() const { return lit_; }
   bool Counts(TimePoint earliest_light) {
     if (earliest_light < lit_) return false;
     return skip_-- <= 0;

@@ -229,13 +229,24 @@ void V4l2Camera::StartPump() {
   thread_.Post([this] { Pump(); });
 }
 
+// A frame whose stamp is not believed counts only if there was none yet when the last light from before the trigger can have been
+// gathered: one look is due just then, else it would take the frame after the next.
+Duration V4l2Camera::UntilLook() const {
+  if (!active_) return kLook;
+  const ExposureTiming timing = Timing();
+  const TimePoint due =
+      choice_.lit() + PossibleExposure() + timing.latency.value_or(timing.interval);
+  if (last_empty_ >= due) return kLook;
+  return std::clamp<Duration>(due - clock_.Now(), Duration::zero(), kLook);
+}
+
 // One look; goes behind the tasks that were posted meanwhile.
 void V4l2Camera::Pump() {
   if (!link_ || !link_->streaming()) {
     pumping_ = false;
     return;
   }
-  const VideoDevice::Readiness readiness = link_->Wait(kLook, waker_.fd());
+  const VideoDevice::Readiness readiness = link_->Wait(UntilLook(), waker_.fd());
   waker_.Clear();
   if (absl::Status status = TakeAll(readiness); !status.ok()) OnTrouble(status);
   thread_.Post([this] { Pump(); });

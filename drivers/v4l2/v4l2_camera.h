@@ -42,6 +42,7 @@ class V4l2Camera final : public StreamingCamera {
   void DoDisarm() override;
   bool Silent() const;
   void StartPump();
+  Duration UntilLook() const;
   void Pump();
   // Takes what is there. An error means that the stream is over.
   absl::Status TakeAll(VideoDevice::Readiness readiness);

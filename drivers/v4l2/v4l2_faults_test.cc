@@ -99,6 +99,24 @@ TEST_F(V4l2FaultsTest, NoFrameSawTheLightBefore) {
 }
 
 // With exposures that show two frames after they were set: none is taken for another.
+// One that can not have been there when the light was last wrong: not the one after it.
+TEST_F(V4l2FaultsTest, WithoutABelievedStampTheNextFrameCounts) {
+  FakeSetup setup = Webcam();
+  setup.interval = milliseconds(100);
+  setup.stamp = FakeStamp::kFuture;
+  V4l2Options options = Options();
+  options.latency = milliseconds(12);
+  Start(setup, options);
+  uint64_t least = UINT64_MAX, last = 0;
+  for (int i = 0; i < 6; ++i) {
+    const absl::StatusOr<Frame> frame = Take();
+    ASSERT_TRUE(frame.ok()) << frame.status();
+    if (last > 0) least = std::min(least, frame->sequence - last);
+    last = frame->sequence;
+  }
+  EXPECT_EQ(least, 1u);
+}
+
 TEST_F(V4l2FaultsTest, NoFrameHasAnotherExposureThanAsked) {
   Start();
   EXPECT_EQ(PartlyLit(kShots, {milliseconds(2), milliseconds(18), milliseconds(6)}), 0);
