@@ -20,7 +20,7 @@
 #include "drivers/aravis/driver.h"
 #include "drivers/conformance/private_network.h"
 #include "drivers/display/driver.h"
-#include "drivers/display/xvfb_process.h"
+#include "sim/peers/display/xvfb_process.h"
 #include "sim/peers/dlpc350/in_process_port.h"
 #include "sim/peers/dlpc350/uhid_device.h"
 #include "sim/peers/gige/camera_server.h"
@@ -139,8 +139,9 @@ absl::Status MeasureDlpc350(Stage& stage, bool hid) {
 absl::Status MeasureDisplay(Stage& stage) {
   constexpr int kFrames = 2;
   constexpr double kRefreshHz = 60;  // the server does not tell another
-  ASSIGN_OR_RETURN(XvfbProcess server, XvfbProcess::Start(stage.geometry.projector.width,
-                                                          stage.geometry.projector.height));
+  ASSIGN_OR_RETURN(XvfbProcess server,
+                   XvfbProcess::Start({.width = stage.geometry.projector.width,
+                                       .height = stage.geometry.projector.height}));
   return stage.Print(
       {.driver = "display, Xvfb",
        .command = "Projector::Show",

@@ -98,7 +98,6 @@ TEST_F(V4l2FaultsTest, NoFrameSawTheLightBefore) {
   }
 }
 
-// With exposures that show two frames after they were set: none is taken for another.
 // One that can not have been there when the light was last wrong: not the one after it.
 TEST_F(V4l2FaultsTest, WithoutABelievedStampTheNextFrameCounts) {
   FakeSetup setup = Webcam();
@@ -117,6 +116,7 @@ TEST_F(V4l2FaultsTest, WithoutABelievedStampTheNextFrameCounts) {
   EXPECT_EQ(least, 1u);
 }
 
+// With exposures that show two frames after they were set: none is taken for another.
 TEST_F(V4l2FaultsTest, NoFrameHasAnotherExposureThanAsked) {
   Start();
   EXPECT_EQ(PartlyLit(kShots, {milliseconds(2), milliseconds(18), milliseconds(6)}), 0);
