@@ -10,6 +10,7 @@ set(LIGHTSTAGE_FLOORS
   drivers/aravis=6 drivers/canopen=6 drivers/display=6 drivers/dlpc350=6 drivers/dmx=6 drivers/modbus=6
   drivers/v4l2=6 sim/rig=6
   sim/peers=7 sim/peers/canopen=7 sim/peers/display=7 sim/peers/dlpc350=7 sim/peers/dmx=7 sim/peers/modbus=7
+  sim/peers/uvc=7
   daemon/config=7
   daemon/rig=8
   daemon/capture=9

@@ -13,6 +13,7 @@
 #include "sim/peers/dmx/drivers.h"
 #include "sim/peers/gige/drivers.h"
 #include "sim/peers/modbus/drivers.h"
+#include "sim/peers/uvc/drivers.h"
 #include "sim/rig/drivers.h"
 
 namespace lightstage {
@@ -25,6 +26,7 @@ std::shared_ptr<sim::Simulation> RegisterBuiltinDrivers(DriverRegistry& registry
   sim::RegisterDmxPeer(registry, simulation);
   sim::RegisterGigePeer(registry, simulation);
   sim::RegisterModbusPeers(registry, simulation);
+  sim::RegisterUvcPeer(registry, simulation);
   registry.cameras["aravis"] = AravisDriver();
   registry.cameras["v4l2"] = V4l2Driver();
   registry.axes["canopen"] = CanopenAxisDriver();

@@ -82,7 +82,7 @@ void FakeCamera::Unplug() {
 void FakeCamera::PlugIn() {
   MutexLock lock(&mutex_);
   plugged_ = true;
-  broken_ = false;
+  broken_ = cancelled_ = false;
   queued_.clear();
   done_.clear();
   buffers_.clear();
@@ -104,6 +104,19 @@ void FakeCamera::SetSilent(bool silent) {
 void FakeCamera::BreakStream() {
   MutexLock lock(&mutex_);
   broken_ = true;
+  Signal();
+}
+void FakeCamera::CancelBuffers() {
+  MutexLock lock(&mutex_);
+  for (uint32_t index : queued_) {
+    Buffer& buffer = *buffers_[index];
+    buffer.used = buffer.sequence = 0;
+    buffer.stamp_us = 0;
+    buffer.flags = V4L2_BUF_FLAG_ERROR | V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+    done_.push_back(index);
+  }
+  queued_.clear();
+  cancelled_ = true;
   Signal();
 }
 void FakeCamera::DropNext(int frames) {
@@ -163,7 +176,7 @@ std::pair<int, int> FakeCamera::region_at() const {
 void FakeCamera::Run() {
   MutexLock lock(&mutex_);
   while (!quit_) {
-    if (!streaming_ || broken_) {
+    if (!streaming_ || broken_ || cancelled_) {
       changed_.Wait(&mutex_);
       continue;
     }

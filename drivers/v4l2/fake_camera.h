@@ -81,11 +81,13 @@ class FakeCamera {
   void PlugIn();  // again; what was open stays dead
   bool plugged() const;
   void FailNext(unsigned long request, int error, int times = 1);
-  void SetSilent(bool silent);   // no frames, and nobody says why
-  void BreakStream();            // as vb2_queue_error(): POLLERR and EIO until the stream is ended
-  void DropNext(int frames);     // numbered, but never delivered
-  void DamageNext(int frames);   // V4L2_BUF_FLAG_ERROR
-  void ShortenNext(int frames);  // a byte too few
+  void SetSilent(bool silent);  // no frames, and nobody says why
+  void BreakStream();           // as vb2_queue_error(): POLLERR and EIO until the stream is ended
+  // As uvcvideo after a failed transfer: all buffers come back empty, no frame follows.
+  void CancelBuffers();
+  void DropNext(int frames);         // numbered, but never delivered
+  void DamageNext(int frames);       // V4L2_BUF_FLAG_ERROR
+  void ShortenNext(int frames);      // a byte too few
   void NumberNextBack(uint32_t by);  // its number, and those after it
   void SetStamp(FakeStamp stamp);
   void SetControl(uint32_t id, int64_t value);
@@ -142,6 +144,7 @@ class FakeCamera {
   std::vector<std::unique_ptr<Buffer>> buffers_ ABSL_GUARDED_BY(mutex_);
   std::deque<uint32_t> queued_ ABSL_GUARDED_BY(mutex_), done_ ABSL_GUARDED_BY(mutex_);
   bool streaming_ ABSL_GUARDED_BY(mutex_) = false, broken_ ABSL_GUARDED_BY(mutex_) = false;
+  bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
   TimePoint next_ ABSL_GUARDED_BY(mutex_);
   uint32_t sequence_ ABSL_GUARDED_BY(mutex_) = 0;
 

@@ -364,7 +364,7 @@ int FakeCamera::Stream(unsigned long request, void* argument) {
       return 0;
     default:
       streaming_ = false;
-      broken_ = false;
+      broken_ = cancelled_ = false;
       queued_.clear();
       done_.clear();
       return 0;

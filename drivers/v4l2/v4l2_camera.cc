@@ -266,6 +266,10 @@ absl::Status V4l2Camera::TakeAll(VideoDevice::Readiness readiness) {
 }
 
 absl::Status V4l2Camera::OnFrame(const V4l2Link::Taken& taken) {
+  // uvcvideo gives all buffers back when a transfer failed, and may not ask for more: there was no frame that could count as one.
+  if (taken.damaged && taken.bytes.empty()) {
+    return Refusal("DEVICE_FAULT", "the kernel gave a buffer back without a frame");
+  }
   FrameStamp stamp;
   stamp.stamp = taken.stamp;
   stamp.flagged_start_of_exposure = taken.flagged_start_of_exposure;

@@ -235,6 +235,18 @@ TEST_F(V4l2FaultsTest, NumbersMayWrap) {
   }
 }
 
+// A control that is not ready is no other program's doing.
+TEST_F(V4l2FaultsTest, AControlThatIsNotReadyIsBusyAndTheNextShotIsGood) {
+  Start();
+  fake_->FailNext(VIDIOC_S_EXT_CTRLS, EBUSY);
+  const absl::Status busy = Take(milliseconds(7)).status();
+  EXPECT_EQ(ErrorReason(busy), "DEVICE_BUSY") << busy;
+  EXPECT_NE(busy.message().find("not ready"), std::string_view::npos) << busy;
+  const absl::StatusOr<Frame> after = Take(milliseconds(7));
+  ASSERT_TRUE(after.ok()) << after.status();
+  EXPECT_EQ(after->exposure, milliseconds(7));
+}
+
 // ---- Streams that end
 
 TEST_F(V4l2FaultsTest, ABrokenStreamIsAFaultAndBeginsAnew) {
@@ -254,6 +266,27 @@ TEST_F(V4l2FaultsTest, ABrokenStreamIsAFaultAndBeginsAnew) {
   ASSERT_TRUE(after.ok()) << after.status();
   EXPECT_EQ(fake_->streams_started(), 2);
   EXPECT_GT(after->sequence, before->sequence);
+}
+
+// They are no frames that count, not even for a camera that is being armed.
+TEST_F(V4l2FaultsTest, BuffersThatComeBackEmptyAreAFaultAndTheStreamBeginsAnew) {
+  Start();
+  const absl::StatusOr<Frame> before = Take();
+  ASSERT_TRUE(before.ok());
+  std::thread later([&] {
+    SleepFor(clock_, milliseconds(10));
+    fake_->CancelBuffers();
+  });
+  const absl::Status broken = Take(milliseconds(15)).status();
+  later.join();
+  EXPECT_EQ(ErrorReason(broken), "DEVICE_FAULT") << broken;
+  EXPECT_NE(broken.message().find("without a frame"), std::string_view::npos) << broken;
+  const absl::StatusOr<Frame> after = Take();
+  ASSERT_TRUE(after.ok()) << after.status();
+  EXPECT_EQ(after->exposure, milliseconds(5));
+  EXPECT_EQ(fake_->streams_started(), 2);
+  EXPECT_GT(after->sequence, before->sequence);
+  EXPECT_LT(after->sequence, before->sequence + 20) << "the numbers of frames that never were";
 }
 
 TEST_F(V4l2FaultsTest, AStreamThatDoesNotBeginIsAFault) {

@@ -38,12 +38,14 @@ absl::Status VideoPort::ErrorOf(int error, std::string_view what) const {
                  metadata);
   }
   if (error == EBUSY) {
-    std::string holders = system_->HoldersOf(path_);
-    if (holders.empty()) holders = "another program";
+    const std::string holders = system_->HoldersOf(path_);
     metadata.emplace_back("holders", holders);
+    // A USB camera whose control is not ready says the same.
+    const std::string why = holders.empty()
+                                ? " is busy: not ready, or in use by a program of another user"
+                                : absl::StrCat(" is in use by ", holders);
     return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_BUSY",
-                 absl::StrCat(name_, ": ", path_, " is in use by ", holders, " (", what, ")"),
-                 metadata);
+                 absl::StrCat(name_, ": ", path_, why, " (", what, ")"), metadata);
   }
   std::string detail = std::strerror(error);
   if (error == ENOSPC) absl::StrAppend(&detail, " (the USB bus has too little bandwidth left)");
