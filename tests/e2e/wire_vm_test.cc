@@ -20,8 +20,8 @@ std::string DirectRig() {
   return Replaced(rig, "device_timeout_ms = 1000", "device_timeout_ms = 10000");
 }
 
-// The same with the camera, turntable and gantry on wires.
-std::string WireRig() {
+// The same with the camera, turntable and gantry on wires; `peer`: what the turntable's has besides.
+std::string WireRig(const std::string& peer = "") {
   std::string rig = WithTable(RealTime(DirectRig()), "camera",
                               "driver = \"sim-gige\"\nformat = \"Mono16\"\nwidth = 64\n"
                               "height = 48\nexposures_us = [1000]\n");
@@ -32,13 +32,20 @@ std::string WireRig() {
                   "driver = \"sim-canopen\"\ninterface = \"vcan1\"\nnode = 5\ncontinuous = true\n"
                   "units_per_turn = 36000\nmax_velocity_dps = 360\nmax_acceleration_dps2 = 3600\n"
                   "settle_ms = 20\nhoming_method = 19\nhoming_velocity_dps = 360\n"
-                  "answer_ms = 1000\nheartbeat_ms = 4000\nsetpoint_ms = 1000\n");
+                  "answer_ms = 1000\nheartbeat_ms = 4000\nsetpoint_ms = 1000\n"
+                  "[turntable.peer]\n" +
+                      peer);
   return WithTable(rig, "tilt",
                    "driver = \"sim-modbus\"\nprofile = \"leadshine-rs\"\nmin_deg = 0\n"
                    "max_deg = 90\nhost = \"127.0.0.1\"\nport = 502\nsteps_per_degree = 1000\n"
                    "max_velocity_dps = 360\nmax_acceleration_dps2 = 3600\nsettle_ms = 20\n"
                    "response_timeout_ms = 1000\n");
 }
+
+constexpr char kDmxLamps[] =
+    "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\nslots = 40\n"
+    "first_channel = 1\nlamp_count = 40\nsettle_ms = 40\n[lamps.peer]\n";
+constexpr char kFaults[] = "fault_interval_s = 4\nfault_after_s = 3\n";
 
 void ExpectSame(const std::string& direct_rig, const std::string& wire_rig,
                 const std::vector<std::string>& plan, int images, double exposure_s = 0.001) {
@@ -56,10 +63,7 @@ void ExpectSame(const std::string& direct_rig, const std::string& wire_rig,
 }
 
 TEST(WireVm, ALightStageOverCanopenDmxAndGigEEqualsTheDirectOne) {
-  ExpectSame(DirectRig(),
-             WithTable(WireRig(), "lamps",
-                       "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\n"
-                       "slots = 40\nfirst_channel = 1\nlamp_count = 40\nsettle_ms = 40\n"),
+  ExpectSame(DirectRig(), WithTable(WireRig(), "lamps", kDmxLamps),
              {"light-stage", "--azimuths", "8"}, 320);
 }
 
@@ -91,15 +95,28 @@ std::string Flash() {
   return tables;
 }
 
+std::string Dlpc350(const std::string& peer = "") {
+  return "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"flash\"\n"
+         "led_current = [100, 100, 100]\nled_current_limit = 150\n" +
+         Flash() + "[projector.peer]\n" + peer;
+}
+
 TEST(WireVm, A4dCaptureOverADlpc350EqualsTheDirectOne) {
   ExpectSame(
-      DirectRig(),
-      WithTable(WireRig(), "projector",
-                "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"flash\"\n"
-                "led_current = [100, 100, 100]\nled_current_limit = 150\n" +
-                    Flash()),
+      DirectRig(), WithTable(WireRig(), "projector", Dlpc350()),
       {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8", "--influence", "1"},
       64);
+}
+
+TEST(WireVmFaults, OnCanAndUsb) {
+  Campaign(DirectRig(), WithTable(WireRig(kFaults), "lamps", std::string(kDmxLamps) + kFaults),
+           {"light-stage", "--azimuths", "2", "--lamps", "0-7"}, 8, 0.001);
+}
+
+TEST(WireVmFaults, OnHid) {
+  Campaign(DirectRig(), WithTable(RealTime(DirectRig()), "projector", Dlpc350(kFaults)),
+           {"projector-4d", "--azimuths", "1", "--tilts", "20", "--grid", "8", "--influence", "1"},
+           8, 0.001);
 }
 
 // The simulated USB camera of the table `camera`, and what its peer has besides the sensor's size.
@@ -125,8 +142,7 @@ TEST(WireVmUvc, ALightStageThroughUvcvideoEqualsTheDirectOne) {
 }
 
 TEST(WireVmUvc, FaultsAreRetakenOrPause) {
-  Campaign(UvcDirectRig(),
-           UvcRig(RealTime(UvcDirectRig()), "fault_interval_s = 4\nfault_after_s = 3\n"),
+  Campaign(UvcDirectRig(), UvcRig(RealTime(UvcDirectRig()), kFaults),
            {"light-stage", "--azimuths", "1", "--lamps", "0-7"}, 8);
 }
 

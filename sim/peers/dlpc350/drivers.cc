@@ -1,5 +1,7 @@
 #include "sim/peers/dlpc350/drivers.h"
 
+#include <spdlog/spdlog.h>
+
 #include <utility>
 
 #include "base/status.h"
@@ -23,28 +25,34 @@ struct Served {
   Served(std::shared_ptr<World> world, std::map<FlashPlace, Pattern> flash)
       : device(std::move(world), std::move(flash)) {}
   Dlpc350Device device;
-  std::unique_ptr<UhidDevice> usb;    // on the kernel's wire
+  std::unique_ptr<UhidDevice> usb;    // on the kernel's wire; none while it is unplugged
   std::unique_ptr<FaultPlan> faults;  // first to go
 };
 
-std::vector<FaultKind> Faults(Dlpc350Device& device, bool kernel) {
+std::vector<FaultKind> Faults(Served& served, const std::string& serial) {
+  Dlpc350Device& device = served.device;
   const auto fault = [&device](const char* name, Dlpc350Device::Faults faults) {
     return FaultKind{name, milliseconds(500), [&device, faults](bool on) {
                        device.SetFaults(on ? faults : Dlpc350Device::Faults());
                      }};
   };
-  std::vector<FaultKind> kinds = {fault("refuses to start and stop", {.nack = 0x1A24}),
-                                  fault("takes no LED setting", {.ignored = 0x1A07}),
-                                  fault("short reports", {.short_reports = true}),
-                                  fault("mirrors parked", {.parked = true}),
-                                  fault("sequencer stopped", {.sequencer_stopped = true}),
-                                  fault("silent", {.silent = true}),
-                                  fault("late answers", {.late = true}),
-                                  Once("power cycle", [&device] { device.PowerCycle(false); })};
-  if (!kernel) {
-    kinds.push_back({"unplugged", milliseconds(500), [&device](bool on) { device.Unplug(on); }});
-  }
-  return kinds;
+  return {fault("refuses to start and stop", {.nack = 0x1A24}),
+          fault("takes no LED setting", {.ignored = 0x1A07}),
+          fault("short reports", {.short_reports = true}),
+          fault("mirrors parked", {.parked = true}),
+          fault("sequencer stopped", {.sequencer_stopped = true}),
+          fault("silent", {.silent = true}),
+          fault("late answers", {.late = true}),
+          Once("power cycle", [&device] { device.PowerCycle(false); }),
+          {"unplugged", milliseconds(500),
+           [&served, serial, kernel = served.usb != nullptr](bool begins) {
+             if (!kernel) return served.device.Unplug(begins);
+             served.usb.reset();
+             if (begins) return;
+             auto plugged = UhidDevice::Plug(served.device, serial);
+             if (!plugged.ok()) return spdlog::error("{}", MessageOf(plugged.status()));
+             served.usb = *std::move(plugged);
+           }}};
 }
 
 DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simulation,
@@ -79,7 +87,7 @@ DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simula
                                              std::make_unique<dlpc350::Link>(
                                                  context, options, std::move(open), nullptr)));
         served->faults =
-            std::make_unique<FaultPlan>(context.name, plan, Faults(served->device, kernel));
+            std::make_unique<FaultPlan>(context.name, plan, Faults(*served, options.serial));
         return std::make_unique<ServedProjector>(std::move(served), std::move(device), kName);
       };
 }
