@@ -13,7 +13,7 @@ std::vector<uint8_t> RasterOf(const Pattern& pattern, int width, int height, dou
     for (float value : image.row(y)) {
       double share = std::clamp(static_cast<double>(value), 0.0, 1.0);
       if (gamma != 1) share = std::pow(share, 1 / gamma);
-      *code++ = static_cast<uint8_t>(255 * share + 0.5);  // as std::lround, without a call a pixel
+      *code++ = static_cast<uint8_t>(std::lround(255 * share));
     }
   }
   return codes;

@@ -153,10 +153,30 @@ class LinkedAxis final : public Axis {
     return status;
   }
 
+  // What the drive says, but homed only as far as that can be believed: many drives do not say that their count begins anew after a power
+  // cut. One that stands where nobody moved it, or that failed to arrive, has to be homed.
   absl::StatusOr<AxisReading> Ask() {
     absl::StatusOr<AxisReading> reading = link_->Read();
     Note(reading.status()).IgnoreError();
+    if (!reading.ok()) return reading;
+    const bool commanded = motion_ != nullptr && motion_->stage != Motion::kWaiting;
+    if (commanded || reading->moving) {
+      rest_.reset();
+    } else if (!rest_) {
+      rest_ = reading->position;
+    } else if (const Angle way = reading->position - *rest_; !doubtful_ && IsOff(way)) {
+      Doubt(absl::StrFormat("it stands at %g deg, where it stood at %g deg and nobody moved it",
+                            reading->position.degrees(), rest_->degrees()));
+    }
+    if (doubtful_) reading->homed = false;
     return reading;
+  }
+
+  bool IsOff(Angle way) const { return std::abs(way.degrees()) > info_.tolerance.degrees(); }
+
+  void Doubt(std::string_view why) {
+    doubtful_ = true;
+    spdlog::warn("{} has to be homed: {}", name_, why);
   }
 
   // Moves on with what is in progress, and comes back after a while if it is not over.
@@ -224,6 +244,7 @@ class LinkedAxis final : public Axis {
     absl::Status started;
     if (!motion_->target.has_value()) {
       started = link_->StartHome();
+      doubtful_ = false;
     } else if (!from.homed) {
       started = Error(absl::StatusCode::kFailedPrecondition, "NOT_HOMED",
                       absl::StrCat(name_, " must be homed first"), {{"axis", name_}});
@@ -243,16 +264,17 @@ class LinkedAxis final : public Axis {
 
   bool Arrived(const AxisReading& reading) const {
     if (!reading.homed) return false;
-    return !motion_->target.has_value() ||
-           std::abs((reading.position - motion_->goal).degrees()) <= info_.tolerance.degrees();
+    return !motion_->target.has_value() || !IsOff(reading.position - motion_->goal);
   }
 
   void EndAt(const AxisReading& reading) {
     const std::shared_ptr<Motion> motion = std::exchange(motion_, nullptr);
+    rest_ = reading.position;
     motion->operation->Complete(StateOf(reading));
   }
   void End(const absl::Status& why) {
     const std::shared_ptr<Motion> motion = std::exchange(motion_, nullptr);
+    if (motion->target.has_value() && motion->stage != Motion::kWaiting) Doubt(MessageOf(why));
     motion->operation->Fail(why);
   }
   void FailStops(const absl::Status& why) {
@@ -296,6 +318,8 @@ class LinkedAxis final : public Axis {
   const std::unique_ptr<AxisLink> link_;
   const Duration poll_;
   bool lost_ = false;
+  bool doubtful_ = false;      // whether it is still homed
+  std::optional<Angle> rest_;  // where it stands and has stood since it was last asked
   bool polling_ = false;
   std::shared_ptr<Motion> motion_;
   std::vector<std::shared_ptr<Operation<AxisState>>> stops_;

@@ -41,7 +41,8 @@ class AxisLink {
 };
 
 // An Axis over `link`, connected. Asks for the drive's position every `poll` while it moves. FAILED_PRECONDITION / AXIS_OFF_TARGET
-// is what Move adds to the contract's errors: the drive says that it stands, but not where it should.
+// is what Move adds to the contract's errors: the drive says that it stands, but not where it should. After that, or any other failure on the
+// way, and if it stands elsewhere than it stood, the axis counts as not homed.
 absl::StatusOr<std::unique_ptr<Axis>> OpenLinkedAxis(const DeviceContext& context,
                                                      std::string_view driver,
                                                      std::unique_ptr<AxisLink> link, Duration poll);

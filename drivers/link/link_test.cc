@@ -156,8 +156,32 @@ TEST_F(LinkedAxisTest, ADriveThatStopsElsewhereIsNoticed) {
   const absl::Status moved = Move(45);
   EXPECT_EQ(ErrorReason(moved), "AXIS_OFF_TARGET") << moved;
   EXPECT_NE(moved.message().find("45.02"), std::string::npos) << moved;
+  // What it counts is not believed any more.
   over_.drive.slips = 0.005;
+  EXPECT_EQ(ErrorReason(Move(30)), "NOT_HOMED");
+  EXPECT_TRUE(Home().ok());
   EXPECT_TRUE(Move(30).ok());
+}
+
+// As after a power cut of a drive that keeps the bit for homed, but not its count.
+TEST_F(LinkedAxisTest, ADriveThatStandsWhereNobodyMovedItHasToBeHomed) {
+  ASSERT_TRUE(Home().ok());
+  ASSERT_TRUE(Move(45).ok());
+  const auto homed = [&] {
+    Pending<AxisState> done(over_.clock());
+    axis_->Read(In(seconds(20)), done.sink());
+    return done.Wait(kNever, "Read")->homed;
+  };
+  EXPECT_TRUE(homed());
+  {
+    MutexLock lock(&over_.drive.mutex);
+    over_.drive.from = over_.drive.to = 45.7;
+  }
+  EXPECT_FALSE(homed());
+  EXPECT_EQ(ErrorReason(Move(45)), "NOT_HOMED");
+  EXPECT_TRUE(Home().ok());
+  EXPECT_TRUE(homed());
+  EXPECT_TRUE(Move(45).ok());
 }
 
 TEST_F(LinkedAxisTest, AMoveThatIsTooLateIsHalted) {
@@ -179,6 +203,8 @@ TEST_F(LinkedAxisTest, AnErrorOnTheWayHaltsAndIsTold) {
   FailNextRead(Fault(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT"));
   EXPECT_EQ(ErrorReason(done.Wait(kNever, "Move").status()), "DEVICE_SILENT");
   EXPECT_GT(over_.drive.halts, 0);
+  EXPECT_EQ(ErrorReason(Move(10)), "NOT_HOMED");
+  EXPECT_TRUE(Home().ok());
   EXPECT_TRUE(Move(10).ok());
 }
 
