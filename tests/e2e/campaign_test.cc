@@ -1,7 +1,8 @@
-// Faults on every wire, at random moments: each shot is retaken, or the run pauses dark with a reason that names the device; what is stored in the
-// end is what an undisturbed capture stores. How many: LIGHTSTAGE_CAMPAIGN_FAULTS per rig, default 12; seed: LIGHTSTAGE_CAMPAIGN_SEED.
+// Faults on every wire that every machine has, or can have within the process. How many: LIGHTSTAGE_CAMPAIGN_FAULTS per rig, default 12; seed:
+// LIGHTSTAGE_CAMPAIGN_SEED.
+#include "tests/harness/campaign.h"
+
 #include <cstdlib>
-#include <map>
 #include <string>
 
 #include "gtest/gtest.h"
@@ -13,12 +14,6 @@ namespace {
 int FromEnvironment(const char* name, int fallback) {
   const char* value = std::getenv(name);
   return value != nullptr ? std::atoi(value) : fallback;
-}
-
-size_t Count(const std::string& text, const std::string& what) {
-  size_t count = 0;
-  for (size_t at = 0; (at = text.find(what, at)) != std::string::npos; ++at) ++count;
-  return count;
 }
 
 // `rig` with the table `name` replaced by `keys`, and a fault now and then; `wire`: more keys of its peer.
@@ -58,59 +53,7 @@ std::string GigeCamera(const std::string& rig) {
                 "sensor_width = 64\nsensor_height = 48\nbits = 12\n");
 }
 
-// Captures the plan with the faulty rig again and again until there were enough faults.
-void Campaign(const std::string& small, const std::string& faulty,
-              const std::vector<std::string>& plan) {
-  const size_t wanted = static_cast<size_t>(FromEnvironment("LIGHTSTAGE_CAMPAIGN_FAULTS", 12));
-  TestFolder direct_folder;
-  Daemon direct(direct_folder, small);
-  const std::string direct_run = direct.Capture(plan);
-  TestFolder folder;
-  Daemon daemon(folder, faulty);
-  int runs = 0, images = 0, retakes = 0;
-  double worst = 0;
-  std::map<std::string, int> pauses;  // by reason
-  while (Count(daemon.log(), "fault on purpose") < wanted) {
-    const std::string run = daemon.StartRun(plan);
-    Json now;
-    for (bool ended = false; !ended;) {
-      ASSERT_TRUE(WaitUntil(Milliseconds(120000), [&] {
-        now = daemon.Run(run);
-        return now["state"] == "RUN_STATE_PAUSED" || now["state"] == "RUN_STATE_SUCCEEDED";
-      })) << now.dump(1);
-      ended = now["state"] == "RUN_STATE_SUCCEEDED";
-      if (ended) break;
-      ++pauses[now["reason"].value("reason", "")];
-      const std::string message = now["reason"].value("message", "");
-      bool named = false;
-      for (const char* device : {"camera", "turntable", "tilt", "lamps", "projector"}) {
-        named |= message.find(device) != std::string::npos;
-      }
-      EXPECT_TRUE(named) << "names no device: " << now["reason"].dump();
-      // A fault may come in between again.
-      Answer last;
-      ASSERT_TRUE(WaitUntil(Milliseconds(60000), [&] {
-        last = daemon.Ctl({"reset"});
-        if (last.code == 0) last = daemon.Ctl({"runs", "resume", run});
-        return last.code == 0;
-      })) << last.err;
-    }
-    retakes += now.value("retakes", 0);
-    const BasisComparison same = CompareBasis(direct, direct_run, daemon, run, 12, 0.016);
-    ++runs;
-    images += same.images;
-    worst = std::max(worst, same.worst);
-    EXPECT_LE(same.worst, 1.0) << same.where << " of run " << runs;
-    EXPECT_EQ(daemon.Ctl({"runs", "verify", run}).code, 0);
-  }
-  const std::string log = daemon.log();
-  std::printf(
-      "%zu faults in %d runs: %d images, %d retakes, worst difference %.3f of a code; pauses:",
-      Count(log, "fault on purpose"), runs, images, retakes, worst);
-  for (const auto& [reason, count] : pauses) std::printf(" %d %s", count, reason.c_str());
-  std::printf("\n");
-  EXPECT_EQ(daemon.Terminate(), 0);
-}
+size_t Faults() { return static_cast<size_t>(FromEnvironment("LIGHTSTAGE_CAMPAIGN_FAULTS", 12)); }
 
 std::string Small() {
   return Replaced(WithoutNoise(SmallRig()), "format = \"RGB16\"", "format = \"BayerRG16\"");
@@ -121,7 +64,7 @@ TEST(Campaign, ModbusAxisAndLamps) {
            Faulty(ModbusTable(RealTime(Small())), "lamps",
                   "driver = \"sim-modbus\"\nkind = \"coils\"\ncount = 40\nsettle_ms = 2\n"
                   "host = \"127.0.0.1\"\nport = 503\n"),
-           {"light-stage", "--azimuths", "2"});
+           {"light-stage", "--azimuths", "2"}, Faults());
 }
 
 TEST(Campaign, CanopenAxisAndLamps) {
@@ -130,7 +73,7 @@ TEST(Campaign, CanopenAxisAndLamps) {
                   "driver = \"sim-canopen\"\ninterface = \"can0\"\nnode = 9\n"
                   "output = \"digital\"\nsettle_ms = 2\n",
                   kProcess),
-           {"light-stage", "--azimuths", "2"});
+           {"light-stage", "--azimuths", "2"}, Faults());
 }
 
 TEST(Campaign, DmxLampsAndGigECamera) {
@@ -139,7 +82,7 @@ TEST(Campaign, DmxLampsAndGigECamera) {
                   "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\nslots = 40\n"
                   "first_channel = 1\nlamp_count = 40\nsettle_ms = 2\n",
                   kProcess),
-           {"light-stage", "--azimuths", "2"});
+           {"light-stage", "--azimuths", "2"}, Faults());
 }
 
 TEST(Campaign, Dlpc350Projector) {
@@ -152,7 +95,7 @@ TEST(Campaign, Dlpc350Projector) {
                   "[[projector.patterns]]\narrangement = \"square\"\ngrid = 8\n"
                   "every_square = true\nimage = 0\ndepth = 1\n",
                   kProcess),
-           {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8"});
+           {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8"}, Faults());
 }
 
 }  // namespace

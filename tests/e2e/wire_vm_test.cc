@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "gtest/gtest.h"
+#include "tests/harness/campaign.h"
 #include "tests/harness/compare.h"
 
 namespace lightstage {
@@ -39,14 +40,15 @@ std::string WireRig() {
                    "response_timeout_ms = 1000\n");
 }
 
-void ExpectSame(const std::string& wire_rig, const std::vector<std::string>& plan, int images) {
+void ExpectSame(const std::string& direct_rig, const std::string& wire_rig,
+                const std::vector<std::string>& plan, int images, double exposure_s = 0.001) {
   TestFolder direct_folder;
-  Daemon direct(direct_folder, DirectRig());
+  Daemon direct(direct_folder, direct_rig);
   const std::string direct_run = direct.Capture(plan);
   TestFolder wire_folder;
   Daemon wire(wire_folder, wire_rig);
   const std::string wire_run = wire.Capture(plan);
-  const BasisComparison same = CompareBasis(direct, direct_run, wire, wire_run, 12, 0.001);
+  const BasisComparison same = CompareBasis(direct, direct_run, wire, wire_run, 12, exposure_s);
   EXPECT_EQ(same.images, images);
   EXPECT_LE(same.worst, 1.0) << same.where;
   std::printf("%d images, worst difference %.3f of what one code is worth\n", same.images,
@@ -54,14 +56,16 @@ void ExpectSame(const std::string& wire_rig, const std::vector<std::string>& pla
 }
 
 TEST(WireVm, ALightStageOverCanopenDmxAndGigEEqualsTheDirectOne) {
-  ExpectSame(WithTable(WireRig(), "lamps",
+  ExpectSame(DirectRig(),
+             WithTable(WireRig(), "lamps",
                        "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\n"
                        "slots = 40\nfirst_channel = 1\nlamp_count = 40\nsettle_ms = 40\n"),
              {"light-stage", "--azimuths", "8"}, 320);
 }
 
 TEST(WireVm, LampsOnACanopenModuleEqualTheDirectOnes) {
-  ExpectSame(WithTable(WireRig(), "lamps",
+  ExpectSame(DirectRig(),
+             WithTable(WireRig(), "lamps",
                        "driver = \"sim-canopen\"\ninterface = \"vcan1\"\nnode = 9\n"
                        "output = \"digital\"\nsettle_ms = 5\nanswer_ms = 1000\n"
                        "heartbeat_ms = 4000\n"),
@@ -89,12 +93,41 @@ std::string Flash() {
 
 TEST(WireVm, A4dCaptureOverADlpc350EqualsTheDirectOne) {
   ExpectSame(
+      DirectRig(),
       WithTable(WireRig(), "projector",
                 "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"flash\"\n"
                 "led_current = [100, 100, 100]\nled_current_limit = 150\n" +
                     Flash()),
       {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8", "--influence", "1"},
       64);
+}
+
+// The simulated USB camera of the table `camera`, and what its peer has besides the sensor's size.
+std::string UvcRig(const std::string& rig, const std::string& peer) {
+  const std::string small =
+      WithTable(rig, "camera",
+                "driver = \"sim-v4l2\"\nformat = \"Mono16\"\nwidth = 64\nheight = 48\n"
+                "exposures_us = [1000, 16000]\n");
+  return WithTable(small, "camera.options",
+                   "card = \"Simulated camera\"\nframes_per_s = 20\nsignificant_bits = 12\n"
+                   "control_delay_frames = 0\n"
+                   "[camera.options.peer]\nsensor_width = 64\nsensor_height = 48\n" +
+                       peer);
+}
+
+std::string UvcDirectRig() {
+  return Replaced(DirectRig(), "exposures_us = [1000]", "exposures_us = [1000, 16000]");
+}
+
+TEST(WireVmUvc, ALightStageThroughUvcvideoEqualsTheDirectOne) {
+  ExpectSame(UvcDirectRig(), UvcRig(RealTime(UvcDirectRig()), ""),
+             {"light-stage", "--azimuths", "2", "--lamps", "0-7"}, 16, 0.016);
+}
+
+TEST(WireVmUvc, FaultsAreRetakenOrPause) {
+  Campaign(UvcDirectRig(),
+           UvcRig(RealTime(UvcDirectRig()), "fault_interval_s = 2\nfault_after_s = 3\n"),
+           {"light-stage", "--azimuths", "1", "--lamps", "0-15"}, 8);
 }
 
 }  // namespace
