@@ -144,8 +144,8 @@ TEST(WireVmUvc, ALightStageThroughUvcvideoEqualsTheDirectOne) {
 
 TEST(WireVmUvc, FaultsAreRetakenOrPause) {
   Campaign(UvcDirectRig(),
-           UvcRig(RealTime(UvcDirectRig()), "fault_interval_s = 4\nfault_after_s = 3\n"),
-           {"light-stage", "--azimuths", "1", "--lamps", "0-7"}, 8);
+           UvcRig(RealTime(UvcDirectRig()), "fault_interval_s = 2\nfault_after_s = 3\n"),
+           {"light-stage", "--azimuths", "1", "--lamps", "0-15"}, 8);
 }
 
 }  // namespace
