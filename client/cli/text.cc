@@ -297,6 +297,7 @@ std::string RigStateText(const v1::RigState& state) {
                           : "")});
   }
   rows.push_back({"lamps", LampsText(state.lamps())});
+  if (state.pattern_unknown()) rows.push_back({"projector", "unknown"});
   if (state.has_pattern()) rows.push_back({"projector", PatternText(state.pattern())});
   rows.push_back(
       {"control", state.has_control()

@@ -30,8 +30,8 @@ struct RigSnapshot {
   };
   std::vector<AxisReport> axes;
   std::vector<float> lamp_levels;
-  Pattern pattern;           // black if there is no projector
-  absl::Status stop_reason;  // not OK while latched
+  std::optional<Pattern> pattern;  // nothing: not confirmed; black if there is no projector
+  absl::Status stop_reason;        // not OK while latched
 };
 
 // Who is using the rig. One user at a time; stop and dark are for everyone.
@@ -176,7 +176,7 @@ class Rig {
   std::vector<float> lamp_levels_ ABSL_GUARDED_BY(state_mutex_);
   std::vector<float> lamps_asked_ ABSL_GUARDED_BY(state_mutex_);
   TimePoint lit_at_ ABSL_GUARDED_BY(state_mutex_){};  // when the light of now was confirmed
-  Pattern pattern_ ABSL_GUARDED_BY(state_mutex_);
+  std::optional<Pattern> pattern_ ABSL_GUARDED_BY(state_mutex_) = Pattern{};
   bool keep_lit_ ABSL_GUARDED_BY(state_mutex_) = false;     // a lamp was told to be on
   bool refreshing_ ABSL_GUARDED_BY(state_mutex_) = false;   // a timer is set
   TimePoint refreshed_at_ ABSL_GUARDED_BY(state_mutex_){};  // last sign of life: when it was sent

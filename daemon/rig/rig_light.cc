@@ -80,7 +80,7 @@ std::unique_ptr<Rig::Lighting> Rig::StartCondition(const Condition& condition) {
       lamp_levels_.assign(lamp_levels_.size(), std::nanf(""));
       lamps_asked_ = lamp_levels_;
     }
-    if (show) pattern_.grid = -1;
+    if (show) pattern_.reset();
   }
   lighting->command_ = set_lamps || show ? ++light_commands_ : light_commands_;
   if (set_lamps) {
@@ -160,7 +160,7 @@ absl::Status Rig::CheckLight() {
     lamp_levels_.assign(lamp_levels_.size(), std::nanf(""));
     lamps_asked_ = lamp_levels_;
   }
-  if (!shown.ok()) pattern_.grid = -1;
+  if (!shown.ok()) pattern_.reset();
   return lit.ok() ? shown : lit;
 }
 
@@ -259,8 +259,8 @@ absl::Status Rig::FinishDark(Darkening& darkening) {
     MutexLock lock(&state_mutex_);
     lamp_levels_.assign(lamp_levels_.size(), lamps.ok() ? 0.0f : std::nanf(""));
     lamps_asked_ = lamp_levels_;
-    pattern_ = Pattern{};
-    if (!projector.ok()) pattern_.grid = -1;
+    pattern_.reset();
+    if (projector.ok()) pattern_ = Pattern{};
   }
   return lamps.ok() ? Annotate(projector, "projector") : Annotate(lamps, "lamps");
 }

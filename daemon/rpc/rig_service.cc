@@ -151,7 +151,10 @@ v1::RigState RigService::State() {
   if (std::string run = runs_.active(); !run.empty()) state.set_active_run(RunName(run));
   for (const auto& [id, axis] : snapshot.axes) *state.add_axes() = ToMessage(id, axis);
   AddLit(snapshot.lamp_levels, state.mutable_lamps());
-  if (rig_.projector()) *state.mutable_pattern() = rpc::ToMessage(snapshot.pattern);
+  if (rig_.projector()) {
+    state.set_pattern_unknown(!snapshot.pattern.has_value());
+    if (snapshot.pattern) *state.mutable_pattern() = rpc::ToMessage(*snapshot.pattern);
+  }
   if (auto holder = control_.holder()) {
     state.mutable_control()->set_owner(holder->owner);
     state.mutable_control()->set_note(holder->note);
@@ -268,8 +271,8 @@ absl::StatusOr<Condition> RigService::Light(bool with_lamps) {
     if (snapshot.lamp_levels[i] > 0)
       light.lamps.push_back({static_cast<int>(i), snapshot.lamp_levels[i]});
   }
-  if (snapshot.pattern.grid < 0) return LightUnknown("the projector");
-  if (snapshot.pattern.arrangement != PatternArrangement::kBlack) light.pattern = snapshot.pattern;
+  if (!snapshot.pattern) return LightUnknown("the projector");
+  if (snapshot.pattern->arrangement != PatternArrangement::kBlack) light.pattern = snapshot.pattern;
   return light;
 }
 
@@ -303,7 +306,9 @@ grpc::Status RigService::ShowPattern(grpc::ServerContext*, const v1::ShowPattern
     ASSIGN_OR_RETURN(Condition light, Light());
     ASSIGN_OR_RETURN(light.pattern, FromMessage(request->pattern()));
     RETURN_IF_ERROR(ApplyLight(light));
-    *response->mutable_pattern() = rpc::ToMessage(rig_.Snapshot(false).pattern);
+    const std::optional<Pattern> shown = rig_.Snapshot(false).pattern;
+    if (!shown) return LightUnknown("the projector");  // somebody darkened it meanwhile
+    *response->mutable_pattern() = rpc::ToMessage(*shown);
     return absl::OkStatus();
   }));
 }

@@ -201,6 +201,10 @@ absl::StatusOr<std::vector<float>> CanopenLampsLink::Set(const std::vector<float
 
 absl::Status CanopenLampsLink::Check() {
   for (const Output& output : outputs_) {
+    if (!output.value) {
+      return node_.Fault(absl::StatusCode::kFailedPrecondition, "LAMPS_DARK",
+                         "went dark by itself since its lamps were set");
+    }
     RETURN_IF_ERROR(
         Confirm({digital() ? kDigitalOutputs : kAnalogueOutputs, output.sub}, *output.value));
   }

@@ -73,8 +73,9 @@ int Show(const OutputOptions& options) {
     char request = 0;
     if (recv(kScreenSocket, &request, 1, 0) != 1) break;
     absl::Status shown = idle;
-    if (shown.ok()) shown = request == kCheckRequest ? (*output)->Idle() : (*output)->Show(pixels);
-    if (request == kCheckRequest) idle = shown;
+    if (shown.ok()) shown = request == kCheckRequest ? (*output)->Check() : (*output)->Show(pixels);
+    // Of another picture nothing is known yet.
+    if (request == kCheckRequest && ErrorReason(shown) != "DEVICE_FAULT") idle = shown;
     if (!Say(shown.ok() ? absl::StatusOr<ScreenInfo>((*output)->info()) : shown)) break;
   }
   if (absl::Status black = (*output)->Show(std::vector<uint32_t>(count, 0));

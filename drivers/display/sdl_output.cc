@@ -270,7 +270,7 @@ absl::Status SdlOutput::Pump() {
   while (SDL_PollEvent(&event) != 0) {
     switch (event.type) {
       case SDL_WINDOWEVENT:
-        if (event.window.event == SDL_WINDOWEVENT_EXPOSED) stale_ = true;
+        if (event.window.event == SDL_WINDOWEVENT_EXPOSED) stale_ = covered_ = true;
         if (event.window.event == SDL_WINDOWEVENT_SIZE_CHANGED ||
             event.window.event == SDL_WINDOWEVENT_MOVED) {
           resized = true;
@@ -332,7 +332,20 @@ absl::Status SdlOutput::Show(std::span<const uint32_t> pixels) {
     }
     RETURN_IF_ERROR(shown);
   }
-  return Pump();
+  RETURN_IF_ERROR(Pump());
+  covered_ = false;
+  return absl::OkStatus();
+}
+
+absl::Status SdlOutput::Check() {
+  RETURN_IF_ERROR(Pump());
+  if (covered_) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT",
+                 absl::StrCat("output ", head_.name,
+                              ": something else was on the screen since the picture was shown"),
+                 {{"output", head_.name}});
+  }
+  return server_ == nullptr ? absl::OkStatus() : server_->CheckPixels(head_, pixels_);
 }
 
 absl::Status SdlOutput::Idle() {

@@ -39,6 +39,8 @@ class SdlOutput {
 
   // Errors as Screen::Show(); `pixels` are 0x00RRGGBB.
   absl::Status Show(std::span<const uint32_t> pixels);
+  // That the output shows what Show() gave it, and did all the time since: also DEVICE_FAULT if something was above it for a while.
+  absl::Status Check();
   // Sees to events and that the output still has its mode; shows the last picture again where it was lost.
   absl::Status Idle();
 
@@ -65,6 +67,7 @@ class SdlOutput {
   std::vector<uint32_t> pixels_;     // shown last
   std::vector<uint32_t> read_back_;  // scratch
   bool stale_ = false;               // what was shown last may be gone from the screen
+  bool covered_ = false;             // and was, since it was shown
 };
 
 }  // namespace lightstage

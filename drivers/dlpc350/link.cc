@@ -81,8 +81,11 @@ std::array<uint8_t, 3> Link::LedCurrents() const {
 absl::StatusOr<bool> Link::IsConfigured() {
   ASSIGN_OR_RETURN(const std::vector<uint8_t> mode, controller_->Read(kMode, 1));
   ASSIGN_OR_RETURN(const std::vector<uint8_t> currents, controller_->Read(kLedCurrent, 3));
+  ASSIGN_OR_RETURN(const std::vector<uint8_t> enabled, controller_->Read(kLedEnable, 1));
   const std::array<uint8_t, 3> told = LedCurrents();
-  return (mode[0] == 1) == options_.flash && std::equal(told.begin(), told.end(), currents.begin());
+  return (mode[0] == 1) == options_.flash &&
+         std::equal(told.begin(), told.end(), currents.begin()) &&
+         (lit_ || enabled[0] == kLedsOff);  // after power-on they shine by themselves
 }
 
 absl::Status Link::Configure() {
@@ -132,7 +135,14 @@ absl::Status Link::Show(const Pattern& pattern) {
       controller_.reset();
     }
   }
-  if (controller_ == nullptr) RETURN_IF_ERROR(Connect());
+  if (controller_ == nullptr) {
+    absl::Status connected = Connect();
+    if (!connected.ok()) {
+      // What it projects is not its own.
+      if (black && screen_ != nullptr) ShowOnScreen(pattern).IgnoreError();
+      return connected;
+    }
+  }
   lit_ = !black;
   absl::Status shown = black ? Dark() : options_.flash ? ShowStored(pattern) : ShowVideo(pattern);
   if (shown.ok()) return shown;
@@ -186,10 +196,13 @@ absl::Status Link::AwaitHealth(bool light, Duration patience) {
   }
 }
 
+// In both ways: if one fails the other may do it.
 absl::Status Link::Dark() {
-  RETURN_IF_ERROR(controller_->Set(kLedEnable, {kLedsOff}));
-  if (options_.flash) return controller_->Set(kStartStop, {kStop});
-  return ShowOnScreen(Pattern{});
+  absl::Status off = controller_->Set(kLedEnable, {kLedsOff});
+  const absl::Status black =
+      options_.flash ? controller_->Set(kStartStop, {kStop}) : ShowOnScreen(Pattern{});
+  off.Update(black);
+  return off;
 }
 
 absl::Status Link::ShowStored(const Pattern& pattern) {

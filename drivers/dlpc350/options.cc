@@ -73,6 +73,10 @@ void ParsePattern(const TomlTable& table, Options* options) {
   if (pattern.arrangement != PatternArrangement::kSquare) {
     return table.ErrorAt("every_square", "is for arrangement = \"square\" only");
   }
+  if (where.number >= numbers) {
+    return table.ErrorAt(
+        "number", absl::StrCat("must be from 0 to ", numbers - 1, " where the squares begin"));
+  }
   if (pattern.grid * pattern.grid > kMaxImages * kImageBits) {
     return table.ErrorAt(
         "grid", absl::StrCat("has more squares than ", kMaxImages, " images have bit planes"));

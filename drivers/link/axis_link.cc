@@ -64,7 +64,9 @@ class LinkedAxis final : public Axis {
     auto operation = thread_.Start(std::move(done), deadline, "reading the position");
     thread_.Post([this, operation] {
       if (operation->finished()) return;
-      absl::StatusOr<AxisReading> reading = Ask();
+      // What the drive says of a motion, that it failed above all, is for whoever waits for that too.
+      std::optional<absl::StatusOr<AxisReading>> said = Step();
+      const absl::StatusOr<AxisReading> reading = said ? *std::move(said) : Ask();
       if (reading.ok()) {
         operation->Complete(StateOf(*reading));
       } else {
@@ -190,53 +192,67 @@ class LinkedAxis final : public Axis {
     });
   }
 
-  void Step() {
+  // One step on; what the drive said, if it was asked.
+  std::optional<absl::StatusOr<AxisReading>> Step() {
     if (motion_ != nullptr && motion_->operation->finished()) {
       // Too late: what nobody waits for is not to go on.
       motion_.reset();
       Note(link_->Halt()).IgnoreError();  // who moves it next finds it moving
     }
-    if (motion_ == nullptr && stops_.empty()) return;
+    if (motion_ == nullptr && stops_.empty()) return std::nullopt;
     if (motion_ != nullptr && lost_) {
       // Where it is now nobody knows: only homing goes on from here.
-      if (motion_->target.has_value()) return End(Lost());
-      if (absl::Status connected = Note(Reconnect()); !connected.ok()) return End(connected);
-    }
-    const absl::StatusOr<AxisReading> reading = Ask();
-    if (!reading.ok()) {
-      FailStops(reading.status());
-      if (motion_ == nullptr) return;
-      // Homing is what clears a fault.
-      const bool fault = ErrorReason(reading.status()) == "DEVICE_FAULT";
-      if (fault && !motion_->target.has_value() && motion_->stage == Motion::kWaiting) {
-        return StartMotion({});
+      absl::Status connected = motion_->target.has_value() ? Lost() : Note(Reconnect());
+      if (!connected.ok()) {
+        End(connected);
+        return connected;
       }
-      Note(link_->Halt()).IgnoreError();
-      return End(reading.status());
     }
-    if (!reading->moving) {
-      for (const auto& stop : std::exchange(stops_, {})) stop->Complete(StateOf(*reading));
+    absl::StatusOr<AxisReading> reading = Ask();
+    if (reading.ok()) {
+      GoOn(*reading);
+    } else {
+      GoOnFrom(reading.status());
+    }
+    return reading;
+  }
+
+  void GoOnFrom(const absl::Status& error) {
+    FailStops(error);
+    if (motion_ == nullptr) return;
+    // Homing is what clears a fault.
+    const bool fault = ErrorReason(error) == "DEVICE_FAULT";
+    if (fault && !motion_->target.has_value() && motion_->stage == Motion::kWaiting) {
+      return StartMotion({});
+    }
+    Note(link_->Halt()).IgnoreError();
+    End(error);
+  }
+
+  void GoOn(const AxisReading& reading) {
+    if (!reading.moving) {
+      for (const auto& stop : std::exchange(stops_, {})) stop->Complete(StateOf(reading));
     }
     if (motion_ == nullptr) return;
     const Duration taken = clock_.Now() - motion_->since;
     switch (motion_->stage) {
       case Motion::kWaiting:
-        if (!reading->moving) StartMotion(*reading);  // else it still brakes
+        if (!reading.moving) StartMotion(reading);  // else it still brakes
         return;
       case Motion::kUnderWay:
-        if (reading->moving) return;
-        if (Arrived(*reading)) {
+        if (reading.moving) return;
+        if (Arrived(reading)) {
           motion_->stage = Motion::kSettling;
           motion_->since = clock_.Now();
-          if (info_.settle <= Duration::zero()) EndAt(*reading);
+          if (info_.settle <= Duration::zero()) EndAt(reading);
         } else if (taken > kStartGrace) {
-          End(OffTarget(*reading));
+          End(OffTarget(reading));
         }
         return;
       case Motion::kSettling:
         if (taken < info_.settle) return;
-        if (Arrived(*reading) && !reading->moving) return EndAt(*reading);
-        return End(OffTarget(*reading));
+        if (Arrived(reading) && !reading.moving) return EndAt(reading);
+        return End(OffTarget(reading));
     }
   }
 

@@ -35,6 +35,10 @@ absl::Status DeviceThread::Call(absl::FunctionRef<absl::Status()> call) {
   absl::Status status;
   bool done = false;
   MutexLock lock(&mutex_);
+  if (quit_) {
+    return Error(absl::StatusCode::kCancelled, "DEVICE_CLOSED", absl::StrCat(name_, " is closed"),
+                 {{"device", name_}});
+  }
   tasks_.emplace_back([&] {
     absl::Status result = call();
     MutexLock inner(&mutex_);

@@ -89,6 +89,10 @@ class Light {
 
   // `apply` makes it dark. Before what it uses is gone. What was never connected is not touched.
   void Close(Apply apply) {
+    {
+      MutexLock lock(&mutex_);
+      ++interrupting_;  // what was told to go dark before, and is not waited for, is done by this
+    }
     thread_.Post([this, apply = std::move(apply)]() mutable {
       if (!connected_) return;
       if (absl::Status dark = Do(apply).status(); !dark.ok()) {
@@ -120,10 +124,16 @@ class Light {
            absl::AnyInvocable<void()> applied) {
     thread_.Post(
         [this, operation, apply = std::move(apply), applied = std::move(applied)]() mutable {
-          // Going dark is done even if nobody waits for it any more.
-          if (applied == nullptr && operation->finished()) return;
+          // Going dark is done even if nobody waits for it any more, but once: a link that hangs does so each time.
+          const bool dark = applied != nullptr;
+          if (operation->finished() && (!dark || AnotherInterrupts())) {
+            if (dark) applied();
+            return;
+          }
           absl::StatusOr<State> state = Do(apply);
-          if (applied != nullptr) applied();
+          // Of a device that was unplugged and is there again that is the first to notice.
+          if (dark && lost_) state = Do(apply);
+          if (dark) applied();
           if (!state.ok() || settle_ <= Duration::zero()) {
             operation->Complete(std::move(state));
             return;
@@ -133,6 +143,11 @@ class Light {
                            operation->Complete(std::move(state));
                          });
         });
+  }
+
+  bool AnotherInterrupts() {
+    MutexLock lock(&mutex_);
+    return interrupting_ > 1;
   }
 
   absl::StatusOr<State> Do(Apply& apply) {
@@ -154,7 +169,7 @@ class Light {
   bool confirmed_ = false;  // what it was told last
 
   Mutex mutex_;
-  int interrupting_ ABSL_GUARDED_BY(mutex_) = 0;
+  int interrupting_ ABSL_GUARDED_BY(mutex_) = 0;  // told to go dark, and not yet
   std::shared_ptr<Operation<State>> latest_ ABSL_GUARDED_BY(mutex_);
   DeviceThread thread_;  // last: its tasks use all of this
 };

@@ -70,12 +70,16 @@ const char* ExceptionName(int code) {
 }
 
 void SetTimeouts(modbus_t* context, const LineOptions& options) {
-  const auto timeout = static_cast<uint32_t>(
-      std::chrono::duration_cast<microseconds>(options.response_timeout).count());
+  // For the whole answer, which then may come in pieces: with a limit between two bytes only, a device that dribbles would hold up whatever
+  // comes next. On a serial line the longest frame takes its time on top.
+  constexpr int kLongestFrame = 256, kBits = 11;
+  Duration whole = options.response_timeout;
+  if (!options.tcp())
+    whole += FromSeconds(static_cast<double>(kLongestFrame * kBits) / options.baud);
+  const auto timeout =
+      static_cast<uint32_t>(std::chrono::duration_cast<microseconds>(whole).count());
   modbus_set_response_timeout(context, timeout / 1000000, timeout % 1000000);
-  // Between the pieces of one reply. A serial driver may deliver them some ms apart, TCP in two segments.
-  const uint32_t pieces = options.tcp() ? timeout : std::min<uint32_t>(timeout, 50000);
-  modbus_set_byte_timeout(context, pieces / 1000000, pieces % 1000000);
+  modbus_set_byte_timeout(context, 0, 0);  // none
 }
 
 ErrorMetadata MetadataOf(const Request& request, const LineOptions& line) {

@@ -39,12 +39,10 @@ std::string WireRig(const TestFolder& folder) {
 
 void ExpectSame(const TestFolder& folder, const std::string& wire_rig,
                 const std::vector<std::string>& plan, int images) {
-  TestFolder direct_folder;
-  Daemon direct(direct_folder, DirectRig());
-  const std::string direct_run = direct.Capture(plan);
+  const std::filesystem::path direct = DirectRun(folder, DirectRig(), plan);
   Daemon wire(folder, wire_rig);
   const std::string wire_run = wire.Capture(plan);
-  const BasisComparison same = CompareBasis(direct, direct_run, wire, wire_run, 12, 0.016);
+  const BasisComparison same = CompareBasis(direct, wire.RunFolder(wire_run), 12, 0.016);
   EXPECT_EQ(same.images, images);
   EXPECT_LE(same.worst, 1.0) << same.where;
   testing::Test::RecordProperty("worst_steps", std::to_string(same.worst));

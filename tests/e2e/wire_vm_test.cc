@@ -48,15 +48,36 @@ constexpr char kDmxLamps[] =
 // Seldom enough for a run to come to its end.
 constexpr char kFaults[] = "fault_interval_s = 10\nfault_after_s = 3\n";
 
-void ExpectSame(const std::string& direct_rig, const std::string& wire_rig,
-                const std::vector<std::string>& plan, int images, double exposure_s = 0.001) {
-  TestFolder direct_folder;
-  Daemon direct(direct_folder, direct_rig);
-  const std::string direct_run = direct.Capture(plan);
-  TestFolder wire_folder;
-  Daemon wire(wire_folder, wire_rig);
+using Plan = std::vector<std::string>;
+const Plan kLightStage = {"light-stage", "--azimuths", "8"};
+const Plan kEightLamps = {"light-stage", "--azimuths", "1", "--lamps", "0-7"};
+const Plan kTwiceEightLamps = {"light-stage", "--azimuths", "2", "--lamps", "0-7"};
+const Plan kSixteenLamps = {"light-stage", "--azimuths", "1", "--lamps", "0-15"};
+const Plan k4d = {"projector-4d", "--azimuths", "1",           "--tilts", "20,50",
+                  "--grid",       "8",          "--influence", "1"};
+
+// The camera of the rig that has a USB camera exposes twice.
+std::string UvcDirectRig() {
+  return Replaced(DirectRig(), "exposures_us = [1000]", "exposures_us = [1000, 16000]");
+}
+
+// What all others are compared with; run outside of the virtual machine, before it (tests/vm/run).
+TEST(Direct, RunsAreCaptured) {
+  TestFolder folder;
+  for (const Plan& plan : {kLightStage, kEightLamps, kTwiceEightLamps, k4d}) {
+    DirectRun(folder, DirectRig(), plan);
+  }
+  for (const Plan& plan : {kTwiceEightLamps, kSixteenLamps})
+    DirectRun(folder, UvcDirectRig(), plan);
+}
+
+void ExpectSame(const std::string& direct_rig, const std::string& wire_rig, const Plan& plan,
+                int images, double exposure_s = 0.001) {
+  TestFolder folder;
+  const std::filesystem::path direct = DirectRun(folder, direct_rig, plan);
+  Daemon wire(folder, wire_rig);
   const std::string wire_run = wire.Capture(plan);
-  const BasisComparison same = CompareBasis(direct, direct_run, wire, wire_run, 12, exposure_s);
+  const BasisComparison same = CompareBasis(direct, wire.RunFolder(wire_run), 12, exposure_s);
   EXPECT_EQ(same.images, images);
   EXPECT_LE(same.worst, 1.0) << same.where;
   std::printf("%d images, worst difference %.3f of what one code is worth\n", same.images,
@@ -64,8 +85,7 @@ void ExpectSame(const std::string& direct_rig, const std::string& wire_rig,
 }
 
 TEST(WireVm, ALightStageOverCanopenDmxAndGigEEqualsTheDirectOne) {
-  ExpectSame(DirectRig(), WithTable(WireRig(), "lamps", kDmxLamps),
-             {"light-stage", "--azimuths", "8"}, 320);
+  ExpectSame(DirectRig(), WithTable(WireRig(), "lamps", kDmxLamps), kLightStage, 320);
 }
 
 TEST(WireVm, LampsOnACanopenModuleEqualTheDirectOnes) {
@@ -74,7 +94,7 @@ TEST(WireVm, LampsOnACanopenModuleEqualTheDirectOnes) {
                        "driver = \"sim-canopen\"\ninterface = \"vcan1\"\nnode = 9\n"
                        "output = \"digital\"\nsettle_ms = 5\nanswer_ms = 1000\n"
                        "heartbeat_ms = 4000\n"),
-             {"light-stage", "--azimuths", "1", "--lamps", "0-7"}, 8);
+             kEightLamps, 8);
 }
 
 // Where all horizontal and vertical patterns of an 8 x 8 grid with one dark square between lit ones are in the flash.
@@ -96,28 +116,26 @@ std::string Flash() {
   return tables;
 }
 
-std::string Dlpc350(const std::string& peer = "") {
-  return "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"flash\"\n"
+std::string Dlpc350(const std::string& serial, const std::string& peer = "") {
+  return "driver = \"sim-dlpc350\"\nserial = \"" + serial +
+         "\"\nmode = \"flash\"\n"
          "led_current = [100, 100, 100]\nled_current_limit = 150\n" +
          Flash() + "[projector.peer]\n" + peer;
 }
 
 TEST(WireVm, A4dCaptureOverADlpc350EqualsTheDirectOne) {
-  ExpectSame(
-      DirectRig(), WithTable(WireRig(), "projector", Dlpc350()),
-      {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8", "--influence", "1"},
-      64);
+  ExpectSame(DirectRig(), WithTable(WireRig(), "projector", Dlpc350("PROJECTOR1")), k4d, 64);
 }
 
-TEST(WireVmFaults, OnCanAndUsb) {
+TEST(WireVmFaults, AreRetakenOrPause) {
   Campaign(DirectRig(), WithTable(WireRig(kFaults), "lamps", std::string(kDmxLamps) + kFaults),
-           {"light-stage", "--azimuths", "2", "--lamps", "0-7"}, 4, 0.001);
+           kTwiceEightLamps, 4, 0.001);
 }
 
-TEST(WireVmFaults, OnHid) {
-  Campaign(DirectRig(), WithTable(RealTime(DirectRig()), "projector", Dlpc350(kFaults)),
-           {"projector-4d", "--azimuths", "1", "--tilts", "20", "--grid", "8", "--influence", "1"},
-           4, 0.001);
+TEST(WireVmHidFaults, AreRetakenOrPause) {
+  Campaign(DirectRig(),
+           WithTable(RealTime(DirectRig()), "projector", Dlpc350("PROJECTOR2", kFaults)), k4d, 4,
+           0.001);
 }
 
 // The simulated USB camera of the table `camera`, and what its peer has besides the sensor's size.
@@ -133,19 +151,14 @@ std::string UvcRig(const std::string& rig, const std::string& peer) {
                        peer);
 }
 
-std::string UvcDirectRig() {
-  return Replaced(DirectRig(), "exposures_us = [1000]", "exposures_us = [1000, 16000]");
-}
-
 TEST(WireVmUvc, ALightStageThroughUvcvideoEqualsTheDirectOne) {
-  ExpectSame(UvcDirectRig(), UvcRig(RealTime(UvcDirectRig()), ""),
-             {"light-stage", "--azimuths", "2", "--lamps", "0-7"}, 16, 0.016);
+  ExpectSame(UvcDirectRig(), UvcRig(RealTime(UvcDirectRig()), ""), kTwiceEightLamps, 16, 0.016);
 }
 
 TEST(WireVmUvc, FaultsAreRetakenOrPause) {
   Campaign(UvcDirectRig(),
            UvcRig(RealTime(UvcDirectRig()), "fault_interval_s = 2\nfault_after_s = 3\n"),
-           {"light-stage", "--azimuths", "1", "--lamps", "0-15"}, 8);
+           kSixteenLamps, 8);
 }
 
 }  // namespace

@@ -20,10 +20,8 @@ size_t Count(const std::string& text, const std::string& what) {
 
 void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
               const std::vector<std::string>& plan, size_t faults, double exposure_s) {
-  TestFolder direct_folder;
-  Daemon direct(direct_folder, direct_rig);
-  const std::string direct_run = direct.Capture(plan);
   TestFolder folder;
+  const std::filesystem::path direct = DirectRun(folder, direct_rig, plan);
   Daemon daemon(folder, faulty_rig);
   int runs = 0, images = 0, retakes = 0;
   double worst = 0;
@@ -63,7 +61,7 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
       })) << last.err;
     }
     retakes += now.value("retakes", 0);
-    const BasisComparison same = CompareBasis(direct, direct_run, daemon, run, 12, exposure_s);
+    const BasisComparison same = CompareBasis(direct, daemon.RunFolder(run), 12, exposure_s);
     ++runs;
     images += same.images;
     worst = std::max(worst, same.worst);

@@ -1,7 +1,9 @@
 // Two captures of one plan, image by image.
 #pragma once
 
+#include <filesystem>
 #include <string>
+#include <vector>
 
 #include "tests/harness/daemon.h"
 
@@ -13,11 +15,16 @@ struct BasisComparison {
   std::string where;  // which image and pixel
 };
 
-// Compares all basis images of two finished runs; fails the test if their numbers or shapes differ, or if a run has an image whose pixels are all the
-// same. A step is what the pixels of a good pair may differ by: a code of `bits` in the bracket's longest exposure, `exposure_s`, and one
-// step of the file's half precision.
-BasisComparison CompareBasis(Daemon& a, const std::string& run_a, Daemon& b,
-                             const std::string& run_b, int bits, double exposure_s);
+// The folder of a run of `plan` on `rig`, which is on virtual time: captured in `folder`. If the environment's LIGHTSTAGE_DIRECT_RUNS names a folder, the
+// run is there, or will be: a virtual machine gets its runs from outside.
+std::filesystem::path DirectRun(const TestFolder& folder, const std::string& rig,
+                                const std::vector<std::string>& plan);
+
+// Compares all basis images of two finished runs, by their folders; fails the test if their numbers or shapes differ, or if a run has an image
+// whose pixels are all the same. A step is what the pixels of a good pair may differ by: a code of `bits` in the bracket's longest exposure,
+// `exposure_s`, and one step of the file's half precision.
+BasisComparison CompareBasis(const std::filesystem::path& a, const std::filesystem::path& b,
+                             int bits, double exposure_s);
 
 // `rig` with another text in place of the table [name], its sub-tables apart.
 std::string WithTable(const std::string& rig, const std::string& name, const std::string& text);

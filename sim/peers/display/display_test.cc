@@ -349,6 +349,34 @@ TEST(DisplayCovered, AWindowAboveIsFoundOrRaisedOver) {
   EXPECT_TRUE(rig.Show(**projector, Full()).ok());
 }
 
+// Whatever was above the picture while it was exposed, and for how long.
+TEST(DisplayCovered, AWindowThatCameAndWentIsTold) {
+  Rig rig;
+  auto projector = rig.Open();
+  ASSERT_TRUE(projector.ok()) << projector.status();
+  const auto check = [&] {
+    Pending<std::monostate> done(rig.clock);
+    (*projector)->Check(rig.clock.Now() + seconds(60), done.sink());
+    return done.Wait(kNever, "Check").status();
+  };
+  XIntruder intruder(rig.xvfb->display());
+  for (bool idle : {false, true}) {
+    ASSERT_TRUE(rig.Show(**projector, Hat()).ok());
+    EXPECT_TRUE(check().ok()) << check();
+    intruder.Cover();
+    EXPECT_EQ(ErrorReason(check()), "DEVICE_FAULT") << "it is there";
+    ASSERT_TRUE(rig.Show(**projector, Hat()).ok());
+    EXPECT_TRUE(check().ok()) << "raised over: " << check();
+    intruder.Raise();
+    intruder.Uncover();
+    if (idle) SleepFor(rig.clock, milliseconds(500));
+    const absl::Status went = check();
+    EXPECT_EQ(ErrorReason(went), "DEVICE_FAULT") << went;
+  }
+  ASSERT_TRUE(rig.Show(**projector, Full()).ok());
+  EXPECT_TRUE(check().ok()) << check();
+}
+
 TEST(DisplayChanged, IsFoundAndNamesBothModes) {
   for (bool idle : {true, false}) {
     Rig rig;

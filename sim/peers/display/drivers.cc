@@ -62,8 +62,11 @@ std::vector<FaultKind> Faults(DisplayProjector& projector) {
 DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simulation,
                                        const TomlTable& table) {
   const std::string x_display = table.String("x_display");
-  if (!x_display.empty() && x_display.front() != ':') {
-    table.ErrorAt("x_display", "must be \":\" and a number: the simulated projector serves it");
+  const bool numbered = x_display.size() > 1 && x_display.size() <= 6 && x_display[0] == ':' &&
+                        x_display.find_first_not_of("0123456789", 1) == std::string::npos;
+  if (!x_display.empty() && !numbered) {
+    table.ErrorAt("x_display",
+                  "must be \":\" and a number up to 65535: the simulated projector serves it");
   }
   return [simulation, x_display, plan = ParseFaultPlan(table.Table("peer")),
           connect = DisplayDriver().parse(table)](

@@ -61,6 +61,10 @@ void DisplayProjector::Run() {
 }
 
 absl::Status DisplayProjector::Serve() {
+  if (server_ && !server_->Alive()) {
+    spdlog::error("the simulated projector's X server has ended; it is started anew");
+    server_.reset();
+  }
   if (ended_) server_.reset();
   if (ended_ || server_) return absl::OkStatus();
   const ProjectorGeometry& geometry = world_->geometry().projector;

@@ -125,11 +125,17 @@ XvfbProcess::~XvfbProcess() {
   if (!screen_.empty()) munmap(const_cast<uint8_t*>(screen_.data()), screen_.size());
 }
 
+bool XvfbProcess::Alive() {
+  if (pid_ >= 0 && waitpid(pid_, nullptr, WNOHANG) == pid_) pid_ = -1;
+  return pid_ >= 0;
+}
+
 void XvfbProcess::Kill() {
-  if (pid_ < 0) return;
-  kill(pid_, SIGKILL);
-  waitpid(pid_, nullptr, 0);
-  pid_ = -1;
+  if (pid_ >= 0) {
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+    pid_ = -1;
+  }
   if (display_.empty()) return;
   // What it would have removed itself.
   const std::string number = display_.substr(1);

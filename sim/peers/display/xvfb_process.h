@@ -32,6 +32,8 @@ class XvfbProcess {
   // gone.
   std::span<const uint8_t> screen() const { return screen_; }
 
+  // False once it has ended by itself.
+  bool Alive();
   void Kill();
   void Suspend(bool asleep);  // it is there, but does not answer
   // As the program xrandr does it (package x11-xserver-utils), for the only output: switched off; one pixel narrower than it was; as at the

@@ -53,11 +53,11 @@ absl::StatusOr<std::unique_ptr<ModbusServer>> ModbusServer::StartRtu(Devices dev
     server->directory_ = directory;
     link = directory + "/port";
   }
-  // What an earlier one left may go, and nothing else.
+  // What an earlier one left may go, which leads nowhere now, and nothing else.
   std::error_code none;
   const std::filesystem::path there = std::filesystem::read_symlink(link, none);
   if (std::filesystem::exists(std::filesystem::symlink_status(link, none)) &&
-      there.parent_path() != "/dev/pts") {
+      (there.parent_path() != "/dev/pts" || std::filesystem::exists(there, none))) {
     errno = EEXIST;
     return NotStarted(link.c_str());
   }
@@ -125,7 +125,11 @@ absl::Status ModbusServer::Listen() {
   if (bind(listener_, reinterpret_cast<sockaddr*>(&address), size) != 0 ||
       listen(listener_, 8) != 0 ||
       getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &size) != 0) {
-    return NotStarted("listening on loopback");
+    const int error = errno;
+    const std::string what = absl::StrCat("listening on 127.0.0.1:", port_,
+                                          error == EADDRINUSE ? " (another server has it)" : "");
+    errno = error;
+    return NotStarted(what.c_str());
   }
   port_ = ntohs(address.sin_port);
   return absl::OkStatus();
