@@ -155,8 +155,7 @@ class PosixEnvImpl final : public Env {
   }
 
   absl::StatusOr<std::string> ReadInput(const std::string& path) override {
-    // O_NONBLOCK, so that opening a pipe does not wait for its writer.
-    ASSIGN_OR_RETURN(Fd fd, OpenFd(path, O_RDONLY | O_NONBLOCK));
+    ASSIGN_OR_RETURN(Fd fd, OpenFd(path, O_RDONLY));
     struct stat info;
     if (::fstat(fd.get(), &info) != 0) return ErrnoError(errno, "stat", path);
     if (S_ISDIR(info.st_mode)) return ErrnoError(EISDIR, "read", path);

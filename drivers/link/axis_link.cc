@@ -258,6 +258,7 @@ class LinkedAxis final : public Axis {
 
   void StartMotion(const AxisReading& from) {
     absl::Status started;
+    rest_.reset();
     if (!motion_->target.has_value()) {
       started = link_->StartHome();
       doubtful_ = false;
@@ -269,6 +270,8 @@ class LinkedAxis final : public Axis {
                           ? from.position + MoveDistance(info_, from.position, *motion_->target)
                           : *motion_->target;
       started = link_->StartMove(motion_->goal, motion_->velocity_dps);
+      // What is out of range is refused before anything moves.
+      if (!started.ok() && !absl::IsOutOfRange(started)) Doubt(MessageOf(started));
     }
     if (!Note(started).ok()) {
       if (!lost_) Note(link_->Halt()).IgnoreError();  // a part of it may have gone through

@@ -99,10 +99,7 @@ TEST(Campaign, Dlpc350Projector) {
 }
 
 TEST(Campaign, DisplayProjector) {
-  Campaign(Small(),
-           Faulty(RealTime(Small()), "projector",
-                  "driver = \"sim-display\"\nx_display = \":6873\"\noutput = \"screen\"\n"
-                  "renderer = \"software\"\n"),
+  Campaign(Small(), Faulty(RealTime(Small()), "projector", SimDisplay()),
            {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "4"}, Faults());
 }
 

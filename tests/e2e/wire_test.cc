@@ -60,10 +60,7 @@ TEST(Wire, ALightStageOverModbusAndGigEEqualsTheDirectOne) {
 TEST(Wire, A4dCaptureOnADisplayEqualsTheDirectOne) {
   TestFolder folder;
   ExpectSame(
-      folder,
-      WithTable(WireRig(folder), "projector",
-                "driver = \"sim-display\"\nx_display = \":6872\"\noutput = \"screen\"\n"
-                "renderer = \"software\"\n"),
+      folder, WithTable(WireRig(folder), "projector", SimDisplay()),
       {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8", "--influence", "1"},
       64);
 }

@@ -1,5 +1,7 @@
 #include "tests/harness/compare.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -70,6 +72,11 @@ BasisComparison CompareBasis(const std::filesystem::path& a, const std::filesyst
   // Pictures that show nothing would be equal whatever the wires did.
   EXPECT_GT(lit, shots / 3);
   return result;
+}
+
+std::string SimDisplay() {
+  return "driver = \"sim-display\"\nx_display = \":" + std::to_string(10000 + getpid() % 50000) +
+         "\"\noutput = \"screen\"\nrenderer = \"software\"\n";
 }
 
 std::string WithTable(const std::string& rig, const std::string& name, const std::string& text) {

@@ -26,6 +26,9 @@ std::filesystem::path DirectRun(const TestFolder& folder, const std::string& rig
 BasisComparison CompareBasis(const std::filesystem::path& a, const std::filesystem::path& b,
                              int bits, double exposure_s);
 
+// Rig keys of a projector on a display that no other test has.
+std::string SimDisplay();
+
 // `rig` with another text in place of the table [name], its sub-tables apart.
 std::string WithTable(const std::string& rig, const std::string& name, const std::string& text);
 

@@ -194,6 +194,7 @@ TEST_F(CanopenAxisTest, LostSetpointIsOfferedOnceMore) {
   EXPECT_EQ(ErrorReason(lost), "SETPOINT_NOT_ACKNOWLEDGED") << lost;
   EXPECT_EQ(lost.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_NEAR(bench_.Truth().position.degrees(), 20, 0.01);
+  EXPECT_TRUE(Home().ok());
   EXPECT_TRUE(Move(40).ok());
   EXPECT_NEAR(bench_.Truth().position.degrees(), 40, 0.01);
 }
@@ -336,7 +337,8 @@ TEST_F(CanopenAxisTest, PowerThatIsCutOnTheWayIsSaid) {
   const absl::Status failed = moving.Wait(kNever, "Move").status();
   EXPECT_EQ(ErrorReason(failed), "DEVICE_FAULT") << failed;
   EXPECT_THAT(failed.message(), HasSubstr("switch on disabled"));
-  EXPECT_TRUE(Move(10).ok()) << "it is enabled again for the next move";
+  EXPECT_TRUE(Home().ok()) << "it is enabled again";
+  EXPECT_TRUE(Move(10).ok());
 }
 
 TEST_F(CanopenAxisTest, DataSheetsLimitsAreKept) {
