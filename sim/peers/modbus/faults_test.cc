@@ -68,6 +68,18 @@ TEST_P(WireTest, ALateReplyIsNotTakenForAnother) {
   }
 }
 
+// Each byte is in time, the answer is not: what waits behind it, a stop maybe, must not wait for its end.
+TEST_P(WireTest, AnAnswerThatDribblesIsSilence) {
+  server().Inject(WireFault::kDribble, 1, 100);
+  RealClock clock;
+  const TimePoint asked = clock.Now();
+  EXPECT_EQ(ErrorReason(client_->ReadRegisters(16, 1).status()), "DEVICE_SILENT");
+  EXPECT_LT(clock.Now() - asked, milliseconds(600));  // all of it takes 700 and more
+  while (!client_->ReadRegisters(17, 1).ok() && clock.Now() - asked < seconds(20)) {
+  }
+  EXPECT_THAT(client_->ReadRegisters(17, 1).value(), ElementsAre(222));
+}
+
 TEST_P(WireTest, GarbageIsAskedForAgainAFewTimes) {
   const int before = server().requests();
   server().Inject(WireFault::kGarbage, 2);

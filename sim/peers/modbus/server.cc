@@ -271,10 +271,14 @@ void ModbusServer::Answer(int fd, int transaction, int unit, std::span<const uin
            : RtuFrame(unit, reply);
   if (!tcp_ && fault == WireFault::kGarbage) frame[frame.size() - 1] ^= 0x55;
   if (fault == WireFault::kTruncated) frame.resize(frame.size() - 2);
-  Send(fd, frame, fault == WireFault::kLate ? milliseconds(parameter_) : Duration::zero());
+  const Duration late = milliseconds(parameter_);
+  if (fault != WireFault::kDribble) {
+    return Send(fd, frame, fault == WireFault::kLate ? late : Duration::zero());
+  }
+  for (const uint8_t& byte : frame) Send(fd, {&byte, 1}, late);
 }
 
-void ModbusServer::Send(int fd, const std::vector<uint8_t>& frame, Duration late) {
+void ModbusServer::Send(int fd, std::span<const uint8_t> frame, Duration late) {
   // A device that is late does nothing else meanwhile.
   if (late > Duration::zero()) SleepFor(clock_, late);
   const ssize_t sent = tcp_ ? send(fd, frame.data(), frame.size(), MSG_NOSIGNAL)

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -37,6 +38,7 @@ enum class WireFault {
   kGarbage,      // a wrong CRC; on TCP another transaction's number
   kTruncated,    // the answer lacks its last bytes
   kOtherUnit,    // answered by the unit with the next number
+  kDribble,      // answered byte by byte, `parameter` ms before each
 };
 
 class ModbusServer {
@@ -89,7 +91,7 @@ class ModbusServer {
   bool TakeRtu(Connection& connection) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Answer(int fd, int transaction, int unit, std::span<const uint8_t> pdu)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void Send(int fd, const std::vector<uint8_t>& frame, Duration late)
+  void Send(int fd, std::span<const uint8_t> frame, Duration late)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const Devices devices_;
