@@ -37,32 +37,21 @@ std::string WireRig(const TestFolder& folder) {
                    "[camera.options.peer]\nsensor_width = 64\nsensor_height = 48\nbits = 12\n");
 }
 
-void ExpectSame(const TestFolder& folder, const std::string& wire_rig,
-                const std::vector<std::string>& plan, int images) {
-  const std::filesystem::path direct = DirectRun(folder, DirectRig(), plan);
-  Daemon wire(folder, wire_rig);
-  const std::string wire_run = wire.Capture(plan);
-  const BasisComparison same = CompareBasis(direct, wire.RunFolder(wire_run), 12, 0.016);
-  EXPECT_EQ(same.images, images);
-  EXPECT_LE(same.worst, 1.0) << same.where;
-  testing::Test::RecordProperty("worst_steps", std::to_string(same.worst));
-}
-
 TEST(Wire, ALightStageOverModbusAndGigEEqualsTheDirectOne) {
   TestFolder folder;
-  ExpectSame(folder,
+  ExpectSame(folder, DirectRig(),
              WithTable(WireRig(folder), "lamps",
                        "driver = \"sim-modbus\"\nkind = \"coils\"\ncount = 40\nsettle_ms = 2\n"
                        "host = \"127.0.0.1\"\nport = 503\n"),
-             {"light-stage", "--azimuths", "8"}, 320);
+             {"light-stage", "--azimuths", "8"}, 320, 0.016);
 }
 
 TEST(Wire, A4dCaptureOnADisplayEqualsTheDirectOne) {
   TestFolder folder;
   ExpectSame(
-      folder, WithTable(WireRig(folder), "projector", SimDisplay()),
+      folder, DirectRig(), WithTable(WireRig(folder), "projector", SimDisplay()),
       {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8", "--influence", "1"},
-      64);
+      64, 0.016);
 }
 
 }  // namespace

@@ -71,30 +71,18 @@ TEST(Direct, RunsAreCaptured) {
     DirectRun(folder, UvcDirectRig(), plan);
 }
 
-void ExpectSame(const std::string& direct_rig, const std::string& wire_rig, const Plan& plan,
-                int images, double exposure_s = 0.001) {
-  TestFolder folder;
-  const std::filesystem::path direct = DirectRun(folder, direct_rig, plan);
-  Daemon wire(folder, wire_rig);
-  const std::string wire_run = wire.Capture(plan);
-  const BasisComparison same = CompareBasis(direct, wire.RunFolder(wire_run), 12, exposure_s);
-  EXPECT_EQ(same.images, images);
-  EXPECT_LE(same.worst, 1.0) << same.where;
-  std::printf("%d images, worst difference %.3f of what one code is worth\n", same.images,
-              same.worst);
-}
-
 TEST(WireVm, ALightStageOverCanopenDmxAndGigEEqualsTheDirectOne) {
-  ExpectSame(DirectRig(), WithTable(WireRig(), "lamps", kDmxLamps), kLightStage, 320);
+  ExpectSame(TestFolder(), DirectRig(), WithTable(WireRig(), "lamps", kDmxLamps), kLightStage, 320,
+             0.001);
 }
 
 TEST(WireVm, LampsOnACanopenModuleEqualTheDirectOnes) {
-  ExpectSame(DirectRig(),
+  ExpectSame(TestFolder(), DirectRig(),
              WithTable(WireRig(), "lamps",
                        "driver = \"sim-canopen\"\ninterface = \"vcan1\"\nnode = 9\n"
                        "output = \"digital\"\nsettle_ms = 5\nanswer_ms = 1000\n"
                        "heartbeat_ms = 4000\n"),
-             kEightLamps, 8);
+             kEightLamps, 8, 0.001);
 }
 
 // Where all horizontal and vertical patterns of an 8 x 8 grid with one dark square between lit ones are in the flash.
@@ -124,7 +112,8 @@ std::string Dlpc350(const std::string& serial, const std::string& peer = "") {
 }
 
 TEST(WireVm, A4dCaptureOverADlpc350EqualsTheDirectOne) {
-  ExpectSame(DirectRig(), WithTable(WireRig(), "projector", Dlpc350("PROJECTOR1")), k4d, 64);
+  ExpectSame(TestFolder(), DirectRig(), WithTable(WireRig(), "projector", Dlpc350("PROJECTOR1")),
+             k4d, 64, 0.001);
 }
 
 TEST(WireVmFaults, AreRetakenOrPause) {
@@ -152,7 +141,8 @@ std::string UvcRig(const std::string& rig, const std::string& peer) {
 }
 
 TEST(WireVmUvc, ALightStageThroughUvcvideoEqualsTheDirectOne) {
-  ExpectSame(UvcDirectRig(), UvcRig(RealTime(UvcDirectRig()), ""), kTwiceEightLamps, 16, 0.016);
+  ExpectSame(TestFolder(), UvcDirectRig(), UvcRig(RealTime(UvcDirectRig()), ""), kTwiceEightLamps,
+             16, 0.016);
 }
 
 TEST(WireVmUvc, FaultsAreRetakenOrPause) {

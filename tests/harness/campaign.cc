@@ -16,6 +16,17 @@ size_t Count(const std::string& text, const std::string& what) {
   return count;
 }
 
+// Resets the rig and then does `command`, again and again: a fault may come in between. The last answer.
+Answer AfterReset(Daemon& daemon, const std::vector<std::string>& command) {
+  Answer last;
+  WaitUntil(Milliseconds(60000), [&] {
+    last = daemon.Ctl({"reset"});
+    if (last.code == 0) last = daemon.Ctl(command);
+    return last.code == 0;
+  });
+  return last;
+}
+
 }  // namespace
 
 void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
@@ -29,13 +40,8 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
   std::vector<std::string> capture = {"capture", "--detach"};
   capture.insert(capture.end(), plan.begin(), plan.end());
   while (Count(daemon.log(), "fault on purpose") < faults) {
-    // A fault may have come since the last run's end.
-    Answer started;
-    ASSERT_TRUE(WaitUntil(Milliseconds(60000), [&] {
-      started = daemon.Ctl({"reset"});
-      if (started.code == 0) started = daemon.Ctl(capture);
-      return started.code == 0;
-    })) << started.err;
+    const Answer started = AfterReset(daemon, capture);
+    ASSERT_EQ(started.code, 0) << started.err;
     const std::string run = started.json()["run"]["name"];
     Json now;
     for (bool ended = false; !ended;) {
@@ -52,13 +58,8 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
         named |= message.find(device) != std::string::npos;
       }
       EXPECT_TRUE(named) << "names no device: " << now["reason"].dump();
-      // A fault may come in between again.
-      Answer last;
-      ASSERT_TRUE(WaitUntil(Milliseconds(60000), [&] {
-        last = daemon.Ctl({"reset"});
-        if (last.code == 0) last = daemon.Ctl({"runs", "resume", run});
-        return last.code == 0;
-      })) << last.err;
+      const Answer resumed = AfterReset(daemon, {"runs", "resume", run});
+      ASSERT_EQ(resumed.code, 0) << resumed.err;
     }
     retakes += now.value("retakes", 0);
     const BasisComparison same = CompareBasis(direct, daemon.RunFolder(run), 12, exposure_s);

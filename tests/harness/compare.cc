@@ -74,6 +74,19 @@ BasisComparison CompareBasis(const std::filesystem::path& a, const std::filesyst
   return result;
 }
 
+void ExpectSame(const TestFolder& folder, const std::string& direct_rig,
+                const std::string& wire_rig, const std::vector<std::string>& plan, int images,
+                double exposure_s) {
+  const std::filesystem::path direct = DirectRun(folder, direct_rig, plan);
+  Daemon wire(folder, wire_rig);
+  const std::string run = wire.Capture(plan);
+  const BasisComparison same = CompareBasis(direct, wire.RunFolder(run), 12, exposure_s);
+  EXPECT_EQ(same.images, images);
+  EXPECT_LE(same.worst, 1.0) << same.where;
+  std::printf("%d images, worst difference %.3f of what one code is worth\n", same.images,
+              same.worst);
+}
+
 std::string SimDisplay() {
   return "driver = \"sim-display\"\nx_display = \":" + std::to_string(10000 + getpid() % 50000) +
          "\"\noutput = \"screen\"\nrenderer = \"software\"\n";

@@ -26,6 +26,11 @@ std::filesystem::path DirectRun(const TestFolder& folder, const std::string& rig
 BasisComparison CompareBasis(const std::filesystem::path& a, const std::filesystem::path& b,
                              int bits, double exposure_s);
 
+// That a capture on `wire_rig`, in `folder`, has so many images and that they equal those of the direct run, within a step of 12 bits.
+void ExpectSame(const TestFolder& folder, const std::string& direct_rig,
+                const std::string& wire_rig, const std::vector<std::string>& plan, int images,
+                double exposure_s);
+
 // Rig keys of a projector on a display that no other test has.
 std::string SimDisplay();
 

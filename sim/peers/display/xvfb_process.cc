@@ -66,15 +66,13 @@ absl::StatusOr<XvfbProcess> XvfbProcess::Start(const XvfbOptions& options) {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) return ErrnoError(errno, "making", "a pipe");
   // setpriv: however this process ends, the server does too.
-  std::vector<std::string> arguments = {"setpriv", "--pdeathsig", "KILL", "Xvfb"};
+  std::vector<std::string> arguments = {
+      "setpriv", "--pdeathsig", "KILL",
+      "Xvfb",    "-displayfd",  absl::StrCat(kDisplayNumber),
+      "-screen", "0",           absl::StrCat(options.width, "x", options.height, "x24"),
+      "-fbdir",  folder,        "-nolisten",
+      "tcp",     "-noreset"};
   if (!options.display.empty()) arguments.push_back(options.display);
-  for (const std::string& argument :
-       {std::string("-displayfd"), absl::StrCat(kDisplayNumber), std::string("-screen"),
-        std::string("0"), absl::StrCat(options.width, "x", options.height, "x24"),
-        std::string("-fbdir"), folder, std::string("-nolisten"), std::string("tcp"),
-        std::string("-noreset")}) {
-    arguments.push_back(argument);
-  }
   if (!options.cursor) arguments.emplace_back("-nocursor");
   const absl::StatusOr<pid_t> pid = Spawn(arguments, ends[1]);
   close(ends[1]);
@@ -131,11 +129,10 @@ bool XvfbProcess::Alive() {
 }
 
 void XvfbProcess::Kill() {
-  if (pid_ >= 0) {
-    kill(pid_, SIGKILL);
-    waitpid(pid_, nullptr, 0);
-    pid_ = -1;
-  }
+  if (pid_ < 0) return;  // what has the number now may be another's
+  kill(pid_, SIGKILL);
+  waitpid(pid_, nullptr, 0);
+  pid_ = -1;
   if (display_.empty()) return;
   // What it would have removed itself.
   const std::string number = display_.substr(1);
