@@ -1,5 +1,6 @@
 // Every command from its arguments to its exit code, against a fake daemon.
 #include <filesystem>
+#include <functional>
 #include <sstream>
 #include <thread>
 
@@ -19,6 +20,17 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
+
+// Text that commands print. Each flush of it calls `flushed`.
+class Output : private std::stringbuf, public std::ostream {
+ public:
+  Output() : std::ostream(static_cast<std::stringbuf*>(this)) {}
+  using std::stringbuf::str;
+  std::function<void()> flushed = [] {};
+
+ private:
+  int sync() override { return flushed(), 0; }
+};
 
 class CommandsTest : public ::testing::Test {
  protected:
@@ -82,7 +94,7 @@ class CommandsTest : public ::testing::Test {
   FakeDaemon daemon_;
   RealClock clock_;
   std::unique_ptr<Canceller> interrupt_ = std::make_unique<Canceller>(clock_);
-  std::ostringstream out_, err_;
+  Output out_, err_;
   std::string folder_;
 };
 
@@ -203,12 +215,12 @@ TEST_F(CommandsTest, PlanPrintsTheEstimate) {
 }
 
 TEST_F(CommandsTest, CaptureHoldsControlOnlyWhileItStarts) {
-  int code = RunWhile("capture light-stage --name test", "WatchRun", [&] {
+  err_.flushed = [&] {                         // the first line of progress
     EXPECT_EQ(daemon_.Snapshot().holder, "");  // others may pause the run
     daemon_.Change([](FakeState& s) { s.runs["runs/r2"].set_done_shots(4); });
     SetRun("runs/r2", v1::RUN_STATE_SUCCEEDED);
-  });
-  EXPECT_EQ(code, 0) << err_.str();
+  };
+  EXPECT_EQ(Run("capture light-stage --name test"), 0) << err_.str();
   EXPECT_EQ(daemon_.Last<v1::StartRunRequest>("StartRun").display_name(), "test");
   EXPECT_THAT(out_.str(), HasSubstr("started runs/r2"));
   EXPECT_THAT(out_.str(), HasSubstr("4 of 4"));
@@ -392,11 +404,12 @@ TEST_F(CommandsTest, AHoldKeepsControlAndEndsInTimeOrByCtrlC) {
   EXPECT_EQ(Run("lamps 3=1 --hold 0.3"), 0);
   EXPECT_GE(clock_.Now() - start, milliseconds(300));
   EXPECT_EQ(daemon_.Calls().back(), "ReleaseControl");
-  int code = RunWhile("pattern square column=3 row=4 --hold 600", "ShowPattern", [&] {
+  // The answer is there once it is printed; a Ctrl-C before that ends the call itself.
+  out_.flushed = [&] {
     EXPECT_NE(daemon_.Snapshot().holder, "");
     interrupt_->Cancel();
-  });
-  EXPECT_EQ(code, 0);
+  };
+  EXPECT_EQ(Run("pattern square column=3 row=4 --hold 600"), 0) << err_.str();
   EXPECT_EQ(out_.str(), "projector: square column 3 row 4 of grid 16, box\n");
   EXPECT_EQ(daemon_.Calls().back(), "ReleaseControl");
 }
