@@ -155,6 +155,24 @@ TEST_F(CommandsTest, ControlIsTakenInTheUsersNameAndGivenBack) {
   EXPECT_EQ(daemon_.Last<v1::AcquireControlRequest>("AcquireControl").owner().size(), 200u);
 }
 
+TEST_F(CommandsTest, AJogEndsInTimeOrByCtrlCAndSaysWhereItIs) {
+  EXPECT_EQ(Run("jog turntable -5 --for 0.1"), 0) << err_.str();
+  EXPECT_EQ(out_.str(), "at -0.5 deg\n");
+  auto jogged = daemon_.Last<v1::JogAxisRequest>("JogAxis");
+  EXPECT_EQ(jogged.axis(), v1::AXIS_ID_TURNTABLE);
+  EXPECT_EQ(jogged.velocity_dps(), -5);
+  EXPECT_EQ(jogged.seconds(), 0.1);
+  daemon_.Change([](FakeState& s) {
+    v1::AxisState* tilt = s.rig_state.add_axes();
+    tilt->set_axis(v1::AXIS_ID_TILT);
+    tilt->set_position_deg(12.5);
+  });
+  EXPECT_EQ(RunWhile("jog tilt 5", "JogAxis", [&] { interrupt_->Cancel(); }), 0) << err_.str();
+  EXPECT_EQ(out_.str(), "at 12.5 deg\n");
+  EXPECT_EQ(daemon_.Last<v1::JogAxisRequest>("JogAxis").seconds(), 3600);
+  EXPECT_EQ(daemon_.Calls().back(), "ReleaseControl");
+}
+
 TEST_F(CommandsTest, BadArgumentsContactNobody) {
   for (const char* line : {"",
                            "fly",
@@ -162,6 +180,9 @@ TEST_F(CommandsTest, BadArgumentsContactNobody) {
                            "move tilt",
                            "move tilt nan",
                            "move roof 3",
+                           "jog tilt",
+                           "jog roof 3",
+                           "jog tilt fast",
                            "lamps",
                            "lamps 3",
                            "lamps 3=nan",

@@ -1,4 +1,4 @@
-// move, lamps, pattern, snap
+// move, jog, lamps, pattern, snap
 
 #include <memory>
 #include <optional>
@@ -14,6 +14,9 @@
 namespace lightstage::client {
 namespace {
 
+// For an axis that was told to stop.
+constexpr Duration kStopPatience = std::chrono::seconds(10);
+
 constexpr char kHoldHelp[] = R"(
 Light is on only while somebody has control: this command keeps control, and the
 light, until Ctrl-C or for --hold seconds. Without a terminal and without --hold
@@ -24,6 +27,12 @@ struct MoveFlags {
   v1::AxisId axis = v1::AXIS_ID_UNSPECIFIED;
   double target_deg = 0;
   double velocity_dps = 0;
+};
+
+struct JogFlags {
+  v1::AxisId axis = v1::AXIS_ID_UNSPECIFIED;
+  double velocity_dps = 0;
+  double seconds = 3600;  // the longest that the daemon allows
 };
 
 struct LightFlags {
@@ -77,6 +86,10 @@ absl::StatusOr<ExitCode> Hold(Session& session, std::optional<double> hold_secon
   return ExitCode::kOk;
 }
 
+std::string AtText(const v1::AxisState& axis) {
+  return absl::StrCat("at ", NumberText(axis.position_deg()), " deg\n");
+}
+
 absl::StatusOr<ExitCode> Move(Session& session, const MoveFlags& flags) {
   ASSIGN_OR_RETURN(Connection * connection, session.Connect());
   ASSIGN_OR_RETURN(auto lease, session.TakeControl());
@@ -88,9 +101,48 @@ absl::StatusOr<ExitCode> Move(Session& session, const MoveFlags& flags) {
   ASSIGN_OR_RETURN(v1::MoveAxisResponse response,
                    Call(connection->rig(), &v1::RigService::Stub::MoveAxis, request,
                         session.world().interrupt, kMotionDeadline));
-  RETURN_IF_ERROR(session.Print(response, [&] {
-    return absl::StrCat("at ", NumberText(response.axis().position_deg()), " deg\n");
-  }));
+  RETURN_IF_ERROR(session.Print(response, [&] { return AtText(response.axis()); }));
+  return ExitCode::kOk;
+}
+
+// A call that was ended has no answer: what the axis does then is asked for.
+absl::StatusOr<v1::AxisState> StateAtRest(Session& session, v1::AxisId id) {
+  ASSIGN_OR_RETURN(Connection * connection, session.Connect());
+  Clock& clock = session.world().clock;
+  Canceller never(clock);
+  for (TimePoint give_up = clock.Now() + kStopPatience;;) {
+    ASSIGN_OR_RETURN(v1::GetRigStateResponse response,
+                     Call(connection->rig(), &v1::RigService::Stub::GetRigState, {}, never));
+    for (const v1::AxisState& axis : response.state().axes()) {
+      if (axis.axis() == id && !axis.moving()) return axis;
+    }
+    if (clock.Now() > give_up) {
+      return Error(absl::StatusCode::kDeadlineExceeded, "STILL_MOVING",
+                   absl::StrCat("the axis did not come to rest within ", Seconds(kStopPatience),
+                                " s after it was told to stop; lightstagectl stop stops all"));
+    }
+    SleepFor(clock, std::chrono::milliseconds(50));
+  }
+}
+
+absl::StatusOr<ExitCode> Jog(Session& session, const JogFlags& flags) {
+  ASSIGN_OR_RETURN(Connection * connection, session.Connect());
+  ASSIGN_OR_RETURN(auto lease, session.TakeControl());
+  v1::JogAxisRequest request;
+  request.set_control_token(lease->token());
+  request.set_axis(flags.axis);
+  request.set_velocity_dps(flags.velocity_dps);
+  request.set_seconds(flags.seconds);
+  absl::StatusOr<v1::JogAxisResponse> response =
+      Call(connection->rig(), &v1::RigService::Stub::JogAxis, request, session.world().interrupt,
+           kMotionDeadline + FromSeconds(flags.seconds));
+  // Ctrl-C is the way to end it, so it is no error.
+  if (session.world().interrupt.cancelled() && session.lost_control().ok()) {
+    response.emplace();
+    ASSIGN_OR_RETURN(*response->mutable_axis(), StateAtRest(session, flags.axis));
+  }
+  RETURN_IF_ERROR(response.status());
+  RETURN_IF_ERROR(session.Print(*response, [&] { return AtText(response->axis()); }));
   return ExitCode::kOk;
 }
 
@@ -186,6 +238,17 @@ void AddManualCommands(CLI::App& app, Command& chosen) {
             "Greatest speed, degrees per second; default: the axis' own");
   command->callback(
       [&chosen, move] { chosen = [move](Session& session) { return Move(session, *move); }; });
+
+  auto jog = std::make_shared<JogFlags>();
+  command = app.add_subcommand("jog", "Turns one axis until Ctrl-C, --for or its limit");
+  AddParsed(*command, "axis", jog->axis, ParseAxis, "turntable|tilt", "Which axis")->required();
+  AddParsed(*command, "velocity", jog->velocity_dps, ParseNumber, "V",
+            "Degrees per second; below 0: the other way")
+      ->required();
+  AddParsed(*command, "--for", jog->seconds, ParseDuration, "SECONDS",
+            "Turn so long; an hour at most, which is the default");
+  command->callback(
+      [&chosen, jog] { chosen = [jog](Session& session) { return Jog(session, *jog); }; });
 
   auto lamps = std::make_shared<LightFlags>();
   command = app.add_subcommand("lamps", "Lights lamps; those not named are dark");

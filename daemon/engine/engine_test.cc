@@ -166,6 +166,7 @@ class SlowAxis final : public Axis {
       std::move(d)(state_);
     });
   }
+  void Turn(double, TimePoint, Completion<AxisState> done) override { std::move(done)(state_); }
   void Read(TimePoint, Completion<AxisState> done) override { std::move(done)(state_); }
   void Stop(TimePoint, Completion<AxisState> done) override {
     log_.Add(clock_, "axis stop");

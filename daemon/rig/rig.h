@@ -77,6 +77,10 @@ class Rig {
   // Moves one axis by hand. Ends early, with everything at rest and dark, once `cancelled` says so.
   absl::StatusOr<AxisState> MoveAxis(AxisId id, Angle target, double velocity_dps,
                                      absl::FunctionRef<bool()> cancelled);
+  // Turns one axis by hand at `velocity_dps` (signed), a limited one to its limit, for so long or until `cancelled` says so; returns its
+  // state at rest. Light stays as it is.
+  absl::StatusOr<AxisState> JogAxis(AxisId id, double velocity_dps, Duration time,
+                                    absl::FunctionRef<bool()> cancelled);
   // The pose the axes report. Axes that do not exist are at 0.
   absl::StatusOr<Pose> ReadPose();
   // A camera that failed is disarmed and configured first, which reconnects one that was lost.
@@ -123,6 +127,11 @@ class Rig {
   absl::Status HomeAxis(AxisId id, uint64_t since, Latch latch);
   absl::Status HomeAll(uint64_t since, Latch latch);
   absl::StatusOr<AxisState> ReadAxis(AxisId id);
+  // Homes it first if it does not know its position.
+  absl::StatusOr<AxisState> ReferencedAxis(AxisId id, uint64_t since);
+  // What a motion by hand ended with, at rest if it failed.
+  absl::StatusOr<AxisState> EndByHand(AxisId id, Pending<AxisState>& motion, TimePoint deadline,
+                                      std::string_view what);
   // Commands first, waits later: a device that does not answer delays no other.
   struct Darkening {
     uint64_t lighting = 0;  // the last condition before it

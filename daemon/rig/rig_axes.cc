@@ -14,6 +14,22 @@ constexpr AxisId kAxes[] = {AxisId::kTurntable, AxisId::kTilt};
 // Homing speed is the drive's own business: this only bounds the wait.
 constexpr Duration kHomingTimeout = std::chrono::seconds(120);
 
+// Slowing down takes as long as speeding up did.
+Duration BrakingTime(const AxisInfo& info) {
+  return FromSeconds(info.max_velocity_dps / info.max_acceleration_dps2);
+}
+
+// Until the motion is done, at most until `end`; true if it was cancelled before. In slices, because a client's cancellation wakes nobody.
+bool WaitUnless(Clock& clock, Pending<AxisState>& motion, TimePoint end,
+                absl::FunctionRef<bool()> cancelled) {
+  while (!motion.done() && clock.Now() < end) {
+    if (cancelled()) return true;
+    clock.WaitUntil(std::min(end, clock.Now() + std::chrono::milliseconds(50)),
+                    [&] { return motion.done(); });
+  }
+  return false;
+}
+
 }  // namespace
 
 void Rig::StoreAxis(AxisId id, const AxisState& state) {
@@ -136,9 +152,7 @@ absl::StatusOr<AxisState> Rig::MoveAxis(AxisId id, Angle target, double velocity
   if (!axis) return MissingDevice(AxisName(id), "a move");
   RETURN_IF_ERROR(CheckTarget(axis->info(), target));
   uint64_t since = disturbances();
-  ASSIGN_OR_RETURN(AxisState now, ReadAxis(id));
-  if (!now.homed) RETURN_IF_ERROR(HomeAxis(id, since, Latch::kRespect));
-  ASSIGN_OR_RETURN(now, ReadAxis(id));
+  ASSIGN_OR_RETURN(const AxisState now, ReferencedAxis(id, since));
   TimePoint deadline = clock_.Now() +
                        MoveDuration(axis->info(), now.position, target, velocity_dps) +
                        device_timeout();
@@ -150,22 +164,67 @@ absl::StatusOr<AxisState> Rig::MoveAxis(AxisId id, Angle target, double velocity
     MarkMoving(id);
     axis->Move(target, velocity_dps, deadline, moved.sink());
   }
-  // In slices, because the client's cancellation wakes nobody.
-  bool stopped = false;
-  while (!moved.done() && clock_.Now() < deadline) {
-    if (!stopped && cancelled()) {
-      stopped = true;
-      RETURN_IF_ERROR(Halt());
-    }
-    clock_.WaitUntil(std::min(deadline, clock_.Now() + std::chrono::milliseconds(50)),
-                     [&] { return moved.done(); });
+  if (WaitUnless(clock_, moved, deadline, cancelled)) RETURN_IF_ERROR(Halt());
+  return EndByHand(id, moved, deadline, absl::StrFormat("move to %g deg", target.degrees()));
+}
+
+absl::StatusOr<AxisState> Rig::JogAxis(AxisId id, double velocity_dps, Duration time,
+                                       absl::FunctionRef<bool()> cancelled) {
+  Axis* axis = mutable_axis(id);
+  if (!axis) return MissingDevice(AxisName(id), "a jog");
+  const AxisInfo& info = axis->info();
+  RETURN_IF_ERROR(CheckVelocity(info, velocity_dps));
+  const uint64_t since = disturbances();
+  const Angle low = id == AxisId::kTurntable ? file_.limits.azimuth_min : file_.limits.tilt_min,
+              high = id == AxisId::kTurntable ? file_.limits.azimuth_max : file_.limits.tilt_max;
+  if (info.continuous && high - low < Degrees(360)) {
+    return Error(absl::StatusCode::kFailedPrecondition, "AXIS_LIMITED",
+                 absl::StrFormat("%s: the rig file allows %g to %g deg, which is less than a turn; "
+                                 "it can be moved, but not turned without end",
+                                 AxisName(id), low.degrees(), high.degrees()),
+                 {{"axis", std::string(AxisName(id))}});
   }
-  absl::Status arrived =
-      WaitAxis(id, moved, deadline, absl::StrFormat("move to %g deg", target.degrees()));
-  if (!arrived.ok()) {
+  RETURN_IF_ERROR(ReferencedAxis(id, since).status());
+  const TimePoint end = clock_.Now() + time;
+  // The driver's own end is for a daemon that hangs.
+  const TimePoint deadline = end + BrakingTime(info) + device_timeout();
+  Pending<AxisState> motion(clock_);
+  {
+    MutexLock lock(&gate_);
+    RETURN_IF_ERROR(CheckRunningLocked());
+    RETURN_IF_ERROR(CheckUndisturbedLocked(since));
+    MarkMoving(id);
+    if (info.continuous) {
+      axis->Turn(velocity_dps, deadline, motion.sink());
+    } else {
+      const Angle limit = velocity_dps > 0 ? std::min(high, info.max) : std::max(low, info.min);
+      axis->Move(limit, std::abs(velocity_dps), deadline, motion.sink());
+    }
+  }
+  WaitUnless(clock_, motion, end, cancelled);
+  if (motion.done()) {  // at its limit, or something went wrong
+    return EndByHand(id, motion, deadline, absl::StrFormat("jog at %g deg/s", velocity_dps));
+  }
+  RETURN_IF_ERROR(StopAxis(id));
+  RETURN_IF_ERROR(CheckUndisturbed(since));
+  MutexLock lock(&state_mutex_);
+  return axis_state_[static_cast<int>(id)];
+}
+
+absl::StatusOr<AxisState> Rig::ReferencedAxis(AxisId id, uint64_t since) {
+  ASSIGN_OR_RETURN(const AxisState now, ReadAxis(id));
+  if (now.homed) return now;
+  RETURN_IF_ERROR(HomeAxis(id, since, Latch::kRespect));
+  return ReadAxis(id);
+}
+
+absl::StatusOr<AxisState> Rig::EndByHand(AxisId id, Pending<AxisState>& motion, TimePoint deadline,
+                                         std::string_view what) {
+  absl::Status ended = WaitAxis(id, motion, deadline, what);
+  if (!ended.ok()) {
     absl::Status still = StopAxis(id);
     if (!still.ok()) spdlog::warn("{}", MessageOf(still));
-    return arrived;
+    return ended;
   }
   MutexLock lock(&state_mutex_);
   return axis_state_[static_cast<int>(id)];
@@ -188,11 +247,8 @@ Rig::Standstill Rig::StartStopLocked(std::initializer_list<AxisId> ids) {
     Axis* axis = mutable_axis(id);
     if (!axis) continue;
     standstill.axes.emplace_back(id, Pending<AxisState>(clock_));
-    // Slowing down takes as long as speeding up did.
-    const AxisInfo& info = axis->info();
-    standstill.deadline = std::max(
-        standstill.deadline, clock_.Now() + device_timeout() +
-                                 FromSeconds(info.max_velocity_dps / info.max_acceleration_dps2));
+    standstill.deadline =
+        std::max(standstill.deadline, clock_.Now() + device_timeout() + BrakingTime(axis->info()));
     axis->Stop(standstill.deadline, standstill.axes.back().second.sink());
   }
   return standstill;

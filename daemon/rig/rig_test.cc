@@ -67,6 +67,9 @@ class HomingAxis final : public Axis {
   void Move(Angle target, double velocity, TimePoint t, Completion<AxisState> done) override {
     null_.Move(target, velocity, t, std::move(done));
   }
+  void Turn(double velocity, TimePoint t, Completion<AxisState> done) override {
+    null_.Turn(velocity, t, std::move(done));
+  }
   void Read(TimePoint t, Completion<AxisState> done) override { null_.Read(t, std::move(done)); }
   void Stop(TimePoint t, Completion<AxisState> done) override {
     stopped_at = clock_.Now();

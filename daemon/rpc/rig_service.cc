@@ -21,6 +21,17 @@ namespace {
 // Degrees per second; slower is a slip, and would not arrive in anybody's lifetime.
 constexpr double kLeastVelocity = 0.01;
 
+// Seconds. Whoever wants more asks again, so that nothing turns for ever that was forgotten.
+constexpr double kLongestJog = 3600;
+
+absl::StatusOr<AxisId> FromMessage(v1::AxisId id) {
+  if (id == v1::AXIS_ID_TURNTABLE) return AxisId::kTurntable;
+  if (id == v1::AXIS_ID_TILT) return AxisId::kTilt;
+  return Error(absl::StatusCode::kInvalidArgument, "AXIS_UNKNOWN",
+               absl::StrFormat("axis %d: TURNTABLE (1) and TILT (2) are known", id),
+               {{"axis", absl::StrCat(id)}});
+}
+
 v1::AxisId ToMessage(AxisId id) {
   return id == AxisId::kTurntable ? v1::AXIS_ID_TURNTABLE : v1::AXIS_ID_TILT;
 }
@@ -234,13 +245,7 @@ absl::Status RigService::Manually(const std::string& token,
 grpc::Status RigService::MoveAxis(grpc::ServerContext* context, const v1::MoveAxisRequest* request,
                                   v1::MoveAxisResponse* response) {
   return ToGrpc(Manually(request->control_token(), [&]() -> absl::Status {
-    if (request->axis() != v1::AXIS_ID_TURNTABLE && request->axis() != v1::AXIS_ID_TILT) {
-      return Error(
-          absl::StatusCode::kInvalidArgument, "AXIS_UNKNOWN",
-          absl::StrFormat("axis %d: TURNTABLE (1) and TILT (2) are known", request->axis()),
-          {{"axis", absl::StrCat(request->axis())}});
-    }
-    AxisId id = request->axis() == v1::AXIS_ID_TURNTABLE ? AxisId::kTurntable : AxisId::kTilt;
+    ASSIGN_OR_RETURN(const AxisId id, FromMessage(request->axis()));
     double velocity = request->velocity_dps();
     if (velocity != 0 && !(velocity >= kLeastVelocity && std::isfinite(velocity))) {
       return Error(absl::StatusCode::kInvalidArgument, "VELOCITY",
@@ -254,6 +259,32 @@ grpc::Status RigService::MoveAxis(grpc::ServerContext* context, const v1::MoveAx
                                                        : Pose{facts_.limits.azimuth_min, target},
                               facts_));
     auto state = rig_.MoveAxis(id, target, velocity, [&] {
+      return context->IsCancelled() || closed_ || !control_.Check(request->control_token()).ok();
+    });
+    if (!state.ok()) return state.status();
+    *response->mutable_axis() = ToMessage(id, *state);
+    return absl::OkStatus();
+  }));
+}
+
+grpc::Status RigService::JogAxis(grpc::ServerContext* context, const v1::JogAxisRequest* request,
+                                 v1::JogAxisResponse* response) {
+  return ToGrpc(Manually(request->control_token(), [&]() -> absl::Status {
+    ASSIGN_OR_RETURN(const AxisId id, FromMessage(request->axis()));
+    const double velocity = request->velocity_dps(), seconds = request->seconds();
+    if (!(std::abs(velocity) >= kLeastVelocity && std::isfinite(velocity))) {
+      return Error(absl::StatusCode::kInvalidArgument, "VELOCITY",
+                   absl::StrFormat("velocity_dps is %.10g; it must be at least %g or at most %g",
+                                   velocity, kLeastVelocity, -kLeastVelocity),
+                   {{"velocity_dps", absl::StrCat(velocity)}});
+    }
+    if (!(seconds > 0 && seconds <= kLongestJog)) {
+      return Error(absl::StatusCode::kInvalidArgument, "JOG_TIME",
+                   absl::StrFormat("seconds is %.10g; it must be above 0 and at most %g", seconds,
+                                   kLongestJog),
+                   {{"seconds", absl::StrCat(seconds)}});
+    }
+    auto state = rig_.JogAxis(id, velocity, FromSeconds(seconds), [&] {
       return context->IsCancelled() || closed_ || !control_.Check(request->control_token()).ok();
     });
     if (!state.ok()) return state.status();

@@ -33,6 +33,8 @@ class RigService final : public v1::RigService::Service {
                               v1::ReleaseControlResponse*) override;
   grpc::Status MoveAxis(grpc::ServerContext*, const v1::MoveAxisRequest*,
                         v1::MoveAxisResponse*) override;
+  grpc::Status JogAxis(grpc::ServerContext*, const v1::JogAxisRequest*,
+                       v1::JogAxisResponse*) override;
   grpc::Status SetLamps(grpc::ServerContext*, const v1::SetLampsRequest*,
                         v1::SetLampsResponse*) override;
   grpc::Status ShowPattern(grpc::ServerContext*, const v1::ShowPatternRequest*,

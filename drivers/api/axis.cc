@@ -37,4 +37,23 @@ absl::Status CheckTarget(const AxisInfo& info, Angle target) {
       {{"axis", info.identity.name}, {"target_deg", absl::StrCat(t)}, {"limits", limits}});
 }
 
+absl::Status CheckVelocity(const AxisInfo& info, double velocity_dps) {
+  const double speed = std::abs(velocity_dps);
+  if (speed > 0 && speed <= info.max_velocity_dps) return absl::OkStatus();
+  return Error(absl::StatusCode::kOutOfRange, "AXIS_VELOCITY",
+               absl::StrFormat("%s: %g deg/s; its speed must be above 0 and at most %g deg/s",
+                               info.identity.name, velocity_dps, info.max_velocity_dps),
+               {{"axis", info.identity.name},
+                {"velocity_dps", absl::StrCat(velocity_dps)},
+                {"max_velocity_dps", absl::StrCat(info.max_velocity_dps)}});
+}
+
+absl::Status CheckTurn(const AxisInfo& info, double velocity_dps) {
+  if (info.continuous) return CheckVelocity(info, velocity_dps);
+  return Error(absl::StatusCode::kFailedPrecondition, "AXIS_LIMITED",
+               absl::StrFormat("%s: goes from %g to %g deg and cannot turn without end",
+                               info.identity.name, info.min.degrees(), info.max.degrees()),
+               {{"axis", info.identity.name}});
+}
+
 }  // namespace lightstage

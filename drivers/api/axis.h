@@ -38,6 +38,11 @@ class Axis {
   virtual void Move(Angle target, double velocity_dps, TimePoint deadline,
                     Completion<AxisState> done) = 0;
 
+  // Turns at `velocity_dps` (signed; see CheckTurn) until Stop, or the deadline at the latest. NOT_HOMED and AXIS_BUSY as Move;
+  // FAILED_PRECONDITION / AXIS_STALLED if it stands though nobody stopped it; UNIMPLEMENTED / CANNOT_TURN, before any motion, of a drive
+  // that can only be positioned.
+  virtual void Turn(double velocity_dps, TimePoint deadline, Completion<AxisState> done) = 0;
+
   // What the device says now.
   virtual void Read(TimePoint deadline, Completion<AxisState> done) = 0;
 
@@ -53,5 +58,11 @@ Angle MoveDistance(const AxisInfo& info, Angle from, Angle to);
 
 // OUT_OF_RANGE / AXIS_LIMIT naming axis, value and limits; NaN and infinity are out of range.
 absl::Status CheckTarget(const AxisInfo& info, Angle target);
+
+// OUT_OF_RANGE / AXIS_VELOCITY unless 0 < |velocity_dps| <= the axis' maximum.
+absl::Status CheckVelocity(const AxisInfo& info, double velocity_dps);
+
+// For Turn: CheckVelocity, and FAILED_PRECONDITION / AXIS_LIMITED unless the axis is continuous.
+absl::Status CheckTurn(const AxisInfo& info, double velocity_dps);
 
 }  // namespace lightstage

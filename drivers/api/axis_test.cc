@@ -42,6 +42,18 @@ TEST(MoveDistance, ContinuousAxisGoesTheShortWay) {
   EXPECT_DOUBLE_EQ(std::abs(MoveDistance(Continuous(), Degrees(0), Degrees(180)).degrees()), 180);
 }
 
+TEST(CheckTurn, OnlyContinuousAxesWithinTheirSpeed) {
+  EXPECT_TRUE(CheckTurn(Continuous(), 20).ok());
+  EXPECT_TRUE(CheckTurn(Continuous(), -0.001).ok());
+  for (double velocity : {0.0, 20.001, -20.001, kNan, kInf, -kInf}) {
+    EXPECT_EQ(ErrorReason(CheckTurn(Continuous(), velocity)), "AXIS_VELOCITY") << velocity;
+  }
+  const absl::Status limited = CheckTurn(Limited(), 5);
+  EXPECT_EQ(ErrorReason(limited), "AXIS_LIMITED");
+  EXPECT_NE(limited.message().find("-5 to 90 deg"), std::string::npos) << limited;
+  EXPECT_TRUE(CheckVelocity(Limited(), 5).ok());
+}
+
 TEST(MoveDuration, StandingStillCostsNothing) {
   EXPECT_EQ(MoveDuration(Limited(), Degrees(30), Degrees(30)), Duration::zero());
   EXPECT_EQ(MoveDuration(Continuous(), Degrees(0), Degrees(360)), Duration::zero());

@@ -18,9 +18,10 @@ using std::chrono::milliseconds;
 // CiA 402 objects.
 constexpr ObjectAddress kAbortOption{0x6007, 0}, kErrorCode{0x603F, 0}, kControlword{0x6040, 0},
     kStatusword{0x6041, 0}, kMode{0x6060, 0}, kModeDisplay{0x6061, 0}, kPosition{0x6064, 0},
-    kVelocity{0x606C, 0}, kTarget{0x607A, 0}, kProfileVelocity{0x6081, 0},
-    kProfileAcceleration{0x6083, 0}, kProfileDeceleration{0x6084, 0}, kHomingMethod{0x6098, 0},
-    kHomingFast{0x6099, 1}, kHomingSlow{0x6099, 2}, kHomingAcceleration{0x609A, 0};
+    kVelocity{0x606C, 0}, kTarget{0x607A, 0}, kTargetVelocity{0x60FF, 0},
+    kProfileVelocity{0x6081, 0}, kProfileAcceleration{0x6083, 0}, kProfileDeceleration{0x6084, 0},
+    kHomingMethod{0x6098, 0}, kHomingFast{0x6099, 1}, kHomingSlow{0x6099, 2},
+    kHomingAcceleration{0x609A, 0}, kSupportedModes{0x6502, 0};
 constexpr uint16_t kPositionRangeLimit = 0x607B, kSoftwareLimit = 0x607D;
 // CiA 301 objects.
 constexpr ObjectAddress kConsumerHeartbeat{0x1016, 1};
@@ -297,7 +298,7 @@ absl::StatusOr<AxisReading> CanopenAxisLink::Read() {
   const bool enabled = *state == DriveState::kOperationEnabled;
   AxisReading reading;
   reading.position = FromUnits(look.position);
-  if (!enabled && (motion_ == Motion::kMove || motion_ == Motion::kHoming)) {
+  if (!enabled && motion_ != Motion::kNone && motion_ != Motion::kHalt) {
     motion_ = Motion::kNone;
     return node_.Fault(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT",
                        absl::StrCat("left the state operation enabled on the way and is ",
@@ -312,10 +313,15 @@ absl::StatusOr<AxisReading> CanopenAxisLink::Read() {
     }
     reading.moving = (look.status & kStatusTargetReached) == 0;
   } else {
+    if (motion_ == Motion::kTurn && (look.status & kStatusSlips) != 0) {
+      return node_.Fault(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT",
+                         "reports the greatest slippage: it could not keep to its velocity");
+    }
     ASSIGN_OR_RETURN(const double velocity, ReadVelocity());
     // With the halt bit, target reached says that it stands.
-    const bool halting = motion_ == Motion::kHalt && mode_ == kModeProfilePosition && enabled &&
-                         (look.status & kStatusTargetReached) == 0;
+    const bool profile = mode_ == kModeProfilePosition || mode_ == kModeProfileVelocity;
+    const bool halting =
+        motion_ == Motion::kHalt && profile && enabled && (look.status & kStatusTargetReached) == 0;
     reading.moving = halting || std::abs(velocity) > options_.standstill_dps;
     if (reading.moving) reading.velocity_dps = velocity;
   }
@@ -459,6 +465,15 @@ absl::Status CanopenAxisLink::StartHome() {
   return absl::OkStatus();
 }
 
+absl::Status CanopenAxisLink::Prepare(int8_t mode) {
+  // The start bit of homing is no set-point.
+  if ((control_ & kControlNewSetpoint) != 0) {
+    RETURN_IF_ERROR(Control(control_ & static_cast<uint16_t>(~kControlNewSetpoint)));
+  }
+  RETURN_IF_ERROR(SetMode(mode));
+  return Enable();
+}
+
 absl::StatusOr<bool> CanopenAxisLink::OfferSetpoint() {
   // A halt stays until the new set-point is there: lifting it alone would let the drive go on to the old one.
   RETURN_IF_ERROR(Control(kControlEnable | (control_ & kControlHalt)));
@@ -482,12 +497,7 @@ absl::Status CanopenAxisLink::StartMove(Angle target, double velocity_dps) {
                         "%.0f; home it to begin anew",
                         target.degrees(), units, low, high));
   }
-  // The start bit of homing is no set-point.
-  if ((control_ & kControlNewSetpoint) != 0) {
-    RETURN_IF_ERROR(Control(control_ & static_cast<uint16_t>(~kControlNewSetpoint)));
-  }
-  RETURN_IF_ERROR(SetMode(kModeProfilePosition));
-  RETURN_IF_ERROR(Enable());
+  RETURN_IF_ERROR(Prepare(kModeProfilePosition));
   RETURN_IF_ERROR(node_.WriteInteger(kTarget, static_cast<int64_t>(units), 4));
   const double velocity = PerTurn(velocity_dps, options_.velocity_units);
   RETURN_IF_ERROR(node_.WriteInteger(
@@ -509,6 +519,30 @@ absl::Status CanopenAxisLink::StartMove(Angle target, double velocity_dps) {
   }
   RETURN_IF_ERROR(Control(kControlEnable));
   motion_ = Motion::kMove;
+  return absl::OkStatus();
+}
+
+absl::Status CanopenAxisLink::StartTurn(double velocity_dps) {
+  RETURN_IF_ERROR(node_.Check());
+  ASSIGN_OR_RETURN(const std::optional<uint32_t> modes, node_.ReadOptional(kSupportedModes));
+  if (modes.has_value() && (*modes >> (kModeProfileVelocity - 1) & 1) == 0) {
+    return node_.Fault(absl::StatusCode::kUnimplemented, "CANNOT_TURN",
+                       absl::StrFormat("has no profile velocity mode (6502h: %08Xh)", *modes));
+  }
+  const double velocity = std::max(1.0, PerTurn(velocity_dps, options_.velocity_units)) *
+                          std::copysign(1.0, velocity_dps * options_.units_per_turn);
+  if (std::abs(velocity) > INT32_MAX) {
+    return node_.Fault(
+        absl::StatusCode::kOutOfRange, "AXIS_VELOCITY",
+        absl::StrFormat("can not turn at %g deg/s: %.0f does not fit into the target velocity "
+                        "(60FFh)",
+                        velocity_dps, velocity));
+  }
+  // What the last turn left in it is not to be turned at when the mode changes.
+  RETURN_IF_ERROR(node_.WriteInteger(kTargetVelocity, static_cast<int64_t>(velocity), 4));
+  RETURN_IF_ERROR(Prepare(kModeProfileVelocity));
+  RETURN_IF_ERROR(Control(kControlEnable));  // lifts a halt
+  motion_ = Motion::kTurn;
   return absl::OkStatus();
 }
 

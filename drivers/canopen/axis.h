@@ -1,4 +1,4 @@
-// A CiA 402 drive as an axis: profile position mode and homing, commanded by SDO, watched by TPDO 1 or SDO.
+// A CiA 402 drive as an axis: profile position, profile velocity and homing mode, commanded by SDO, watched by TPDO 1 or SDO.
 #pragma once
 
 #include <memory>
@@ -27,6 +27,7 @@ class CanopenAxisLink final : public AxisLink {
   absl::StatusOr<AxisReading> Read() override;
   absl::Status StartHome() override;
   absl::Status StartMove(Angle target, double velocity_dps) override;
+  absl::Status StartTurn(double velocity_dps) override;
   absl::Status Halt() override;
 
   // The drive's statusword and position come by TPDO 1.
@@ -34,7 +35,7 @@ class CanopenAxisLink final : public AxisLink {
 
  private:
   // What it is doing, as far as it was told.
-  enum class Motion { kNone, kHoming, kMove, kHalt };
+  enum class Motion { kNone, kHoming, kMove, kTurn, kHalt };
   struct Look {
     uint16_t status = 0;
     int32_t position = 0;
@@ -51,6 +52,8 @@ class CanopenAxisLink final : public AxisLink {
   absl::Status SetMode(int8_t mode);
   absl::Status Enable();
   absl::Status ResetFault();
+  // Into `mode`, and enabled. A halt stays.
+  absl::Status Prepare(int8_t mode);
   absl::StatusOr<bool> OfferSetpoint();
   // Waits until (statusword & mask) == value; false after `patience`.
   absl::StatusOr<bool> AwaitStatus(uint16_t mask, uint16_t value, Duration patience);

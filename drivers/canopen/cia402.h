@@ -30,6 +30,8 @@ constexpr uint16_t kStatusRemote = 0x0200, kStatusTargetReached = 0x0400,
 // Profile position mode: bit 12 acknowledges a set-point, bit 13 is the following error.
 constexpr uint16_t kStatusSetpointAcknowledged = kStatusModeBit12,
                    kStatusFollowingError = kStatusModeBit13;
+// Profile velocity mode: bit 13 is the maximum slippage error.
+constexpr uint16_t kStatusSlips = kStatusModeBit13;
 
 // Controlwords 6040h.
 constexpr uint16_t kControlDisableVoltage = 0x0000, kControlQuickStop = 0x0002,
@@ -56,8 +58,8 @@ enum class HomingState {
 HomingState DecodeHoming(uint16_t statusword);
 std::string_view HomingStateName(HomingState state);
 
-// Modes of operation 6060h.
-constexpr int8_t kModeProfilePosition = 1, kModeHoming = 6;
+// Modes of operation 6060h. In 6502h, the supported ones, mode m is bit m - 1.
+constexpr int8_t kModeProfilePosition = 1, kModeProfileVelocity = 3, kModeHoming = 6;
 
 // Object 1000h, lower half: the device profile.
 constexpr uint16_t kProfileIo = 401, kProfileDrive = 402;

@@ -36,6 +36,11 @@ class AxisBench : public Bench<AxisFixture, Axis> {
     device().Home(clock().Now() + LongestMove(), done->sink());
     return done->Wait(LongestMove() + patience());
   }
+  std::shared_ptr<Outcome<AxisState>> StartTurn(double velocity_dps) {
+    auto done = Expect<AxisState>("Turn");
+    device().Turn(velocity_dps, clock().Now() + std::chrono::minutes(1), done->sink());
+    return done;
+  }
   absl::StatusOr<AxisState> Stop() {
     auto done = Expect<AxisState>("Stop");
     device().Stop(Deadline(), done->sink());
@@ -205,6 +210,90 @@ void StopCancelsTheMotion(AxisFixture& fixture) {
   EXPECT_TRUE(bench.Move(bench.At(0.5)).ok()) << "must move again after a Stop";
 }
 
+void TurnsUntilItIsStopped(AxisFixture& fixture) {
+  AxisBench bench(fixture);
+  if (!bench.open()) return;
+  const AxisInfo& info = bench.info();
+  if (!bench.Read().homed) {
+    if (info.continuous) {
+      absl::Status unhomed =
+          bench.StartTurn(info.max_velocity_dps / 2)->Wait(bench.patience()).status();
+      if (absl::IsUnimplemented(unhomed)) return;
+      ExpectError(unhomed, absl::StatusCode::kFailedPrecondition, "NOT_HOMED", "unhomed Turn");
+      EXPECT_FALSE(bench.Read().moving);
+    }
+    ASSERT_TRUE(bench.Ready());
+  }
+  for (double share : {0.5, -0.25}) {
+    const double velocity = share * info.max_velocity_dps;
+    const AxisState before = bench.Read();
+    auto turn = bench.StartTurn(velocity);
+    if (!info.continuous) {
+      ExpectError(turn->Wait(bench.patience()).status(), absl::StatusCode::kFailedPrecondition,
+                  "AXIS_LIMITED", "Turn of a limited axis");
+      EXPECT_EQ(bench.Read().position, before.position);
+      continue;
+    }
+    // Long enough to be at speed for a while, so that how long a command takes does not matter.
+    const Duration at_speed = FromSeconds(std::abs(velocity) / info.max_acceleration_dps2);
+    SleepFor(bench.clock(), at_speed + milliseconds(300));
+    if (turn->done()) {
+      ExpectError(turn->result().status(), absl::StatusCode::kUnimplemented, "CANNOT_TURN", "Turn");
+      EXPECT_EQ(bench.Read().position, before.position);
+      return;
+    }
+    const TimePoint first_asked = bench.clock().Now();
+    const AxisState first = bench.Read();
+    const TimePoint first_told = bench.clock().Now();
+    EXPECT_TRUE(first.moving);
+    SleepFor(bench.clock(), milliseconds(600));
+    const TimePoint last_asked = bench.clock().Now();
+    const AxisState last = bench.Read();
+    const TimePoint last_told = bench.clock().Now();
+    const double way = (last.position - first.position).degrees();
+    // Both positions are of some time while they were asked for.
+    const double least = std::abs(velocity) * Seconds(last_asked - first_told) * 0.9,
+                 most = std::abs(velocity) * Seconds(last_told - first_asked) * 1.1;
+    EXPECT_EQ(way > 0, velocity > 0) << way << " deg at " << velocity << " deg/s";
+    EXPECT_GE(std::abs(way), least) << "at " << velocity << " deg/s";
+    EXPECT_LE(std::abs(way), most) << "at " << velocity << " deg/s";
+    EXPECT_FALSE(turn->done());
+    absl::StatusOr<AxisState> stopped = bench.Stop();
+    ASSERT_TRUE(stopped.ok()) << stopped.status();
+    EXPECT_FALSE(stopped->moving);
+    EXPECT_TRUE(stopped->homed);
+    ASSERT_TRUE(turn->done());
+    ExpectError(turn->result().status(), absl::StatusCode::kCancelled, "STOPPED", "stopped Turn");
+    const AxisState rest = bench.Read();
+    SleepFor(bench.clock(), milliseconds(50));
+    EXPECT_EQ(bench.Read().position, rest.position) << "must stand still";
+  }
+  absl::StatusOr<AxisState> moved = bench.Move(bench.At(0.25));
+  ASSERT_TRUE(moved.ok()) << moved.status();
+  bench.ExpectAt(*moved, bench.At(0.25));
+}
+
+void TurnsEndInTheirTime(AxisFixture& fixture) {
+  AxisBench bench(fixture);
+  if (!bench.open() || !bench.info().continuous || !bench.Ready()) return;
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  for (double velocity : {0.0, kNan, bench.info().max_velocity_dps * 1.1}) {
+    ExpectError(bench.StartTurn(velocity)->Wait(bench.patience()).status(),
+                absl::StatusCode::kOutOfRange, "AXIS_VELOCITY", "Turn");
+  }
+  auto turn = bench.Expect<AxisState>("Turn");
+  const TimePoint deadline = bench.clock().Now() + milliseconds(200);
+  bench.device().Turn(bench.info().max_velocity_dps / 2, deadline, turn->sink());
+  absl::StatusOr<AxisState> turned = turn->Wait(bench.patience());
+  if (absl::IsUnimplemented(turned.status())) return;
+  ExpectError(turned.status(), absl::StatusCode::kDeadlineExceeded, "", "late Turn");
+  const TimePoint give_up = bench.clock().Now() + bench.patience();
+  while (bench.Read().moving && bench.clock().Now() < give_up) {
+    SleepFor(bench.clock(), milliseconds(10));
+  }
+  EXPECT_FALSE(bench.Read().moving) << "nobody waits for it any more";
+}
+
 void StopAtRestIsHarmless(AxisFixture& fixture) {
   AxisBench bench(fixture);
   if (!bench.Ready()) return;
@@ -268,6 +357,8 @@ constexpr Rule<AxisFixture> kRules[] = {
     {"OutOfRangeIsRefusedBeforeMotion", OutOfRangeIsRefusedBeforeMotion},
     {"SecondMotionIsRefused", SecondMotionIsRefused},
     {"StopCancelsTheMotion", StopCancelsTheMotion},
+    {"TurnsUntilItIsStopped", TurnsUntilItIsStopped},
+    {"TurnsEndInTheirTime", TurnsEndInTheirTime},
     {"StopAtRestIsHarmless", StopAtRestIsHarmless},
     {"DeadlineIsKept", DeadlineIsKept},
     {"DestructorCompletesTheMotion", DestructorCompletesTheMotion},

@@ -161,6 +161,15 @@ void NullAxis::Move(Angle target, double, TimePoint, Completion<AxisState> done)
   std::move(done)(state);
 }
 
+void NullAxis::Turn(double velocity_dps, TimePoint, Completion<AxisState> done) {
+  absl::Status good = CheckTurn(info_, velocity_dps);
+  if (good.ok()) {
+    good = Error(absl::StatusCode::kUnimplemented, "CANNOT_TURN",
+                 absl::StrCat(info_.identity.name, ": moves in no time"));
+  }
+  std::move(done)(good);
+}
+
 void NullAxis::Read(TimePoint, Completion<AxisState> done) { std::move(done)(State()); }
 
 void NullAxis::Stop(TimePoint, Completion<AxisState> done) { std::move(done)(State()); }

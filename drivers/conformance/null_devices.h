@@ -48,6 +48,8 @@ class NullAxis final : public Axis {
   void Home(TimePoint deadline, Completion<AxisState> done) override;
   void Move(Angle target, double velocity_dps, TimePoint deadline,
             Completion<AxisState> done) override;
+  // Arrives wherever it is told to at once, so it cannot turn.
+  void Turn(double velocity_dps, TimePoint deadline, Completion<AxisState> done) override;
   void Read(TimePoint deadline, Completion<AxisState> done) override;
   void Stop(TimePoint deadline, Completion<AxisState> done) override;
 

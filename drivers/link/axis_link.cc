@@ -47,7 +47,7 @@ class LinkedAxis final : public Axis {
   const AxisInfo& info() const override { return info_; }
 
   void Home(TimePoint deadline, Completion<AxisState> done) override {
-    Begin(std::nullopt, 0, deadline, std::move(done));
+    Begin({.kind = Motion::kHome}, "homing", deadline, std::move(done));
   }
 
   void Move(Angle target, double velocity_dps, TimePoint deadline,
@@ -57,7 +57,16 @@ class LinkedAxis final : public Axis {
     }
     const double velocity =
         velocity_dps > 0 ? std::min(velocity_dps, info_.max_velocity_dps) : info_.max_velocity_dps;
-    Begin(target, velocity, deadline, std::move(done));
+    Begin({.kind = Motion::kMove, .target = target, .velocity_dps = velocity},
+          absl::StrFormat("the move to %g deg", target.degrees()), deadline, std::move(done));
+  }
+
+  void Turn(double velocity_dps, TimePoint deadline, Completion<AxisState> done) override {
+    if (absl::Status good = CheckTurn(info_, velocity_dps); !good.ok()) {
+      return std::move(done)(good);
+    }
+    Begin({.kind = Motion::kTurn, .velocity_dps = velocity_dps},
+          absl::StrFormat("turning at %g deg/s", velocity_dps), deadline, std::move(done));
   }
 
   void Read(TimePoint deadline, Completion<AxisState> done) override {
@@ -100,23 +109,19 @@ class LinkedAxis final : public Axis {
 
  private:
   struct Motion {
-    std::optional<Angle> target;  // none: homing
-    double velocity_dps = 0;
-    std::shared_ptr<Operation<AxisState>> operation;
+    enum Kind { kHome, kMove, kTurn } kind;
+    Angle target;
+    double velocity_dps = 0;  // of a turn it has a sign
+    std::shared_ptr<Operation<AxisState>> operation{};
     enum { kWaiting, kUnderWay, kSettling } stage = kWaiting;
-    Angle goal;         // the target on the way that is taken
-    TimePoint since{};  // this stage began
+    Angle goal{};       // the target on the way that is taken
+    TimePoint since{};  // this stage began; of a turn: it was last seen to move
   };
 
   // ---- The caller's thread.
 
-  void Begin(std::optional<Angle> target, double velocity_dps, TimePoint deadline,
-             Completion<AxisState> done) {
-    auto motion = std::make_shared<Motion>();
-    motion->target = target;
-    motion->velocity_dps = velocity_dps;
-    const std::string what =
-        target.has_value() ? absl::StrFormat("the move to %g deg", target->degrees()) : "homing";
+  void Begin(Motion told, const std::string& what, TimePoint deadline, Completion<AxisState> done) {
+    auto motion = std::make_shared<Motion>(std::move(told));
     motion->operation = std::make_shared<Operation<AxisState>>(std::move(done));
     bool busy;
     {
@@ -202,7 +207,7 @@ class LinkedAxis final : public Axis {
     if (motion_ == nullptr && stops_.empty()) return std::nullopt;
     if (motion_ != nullptr && lost_) {
       // Where it is now nobody knows: only homing goes on from here.
-      absl::Status connected = motion_->target.has_value() ? Lost() : Note(Reconnect());
+      absl::Status connected = motion_->kind == Motion::kHome ? Note(Reconnect()) : Lost();
       if (!connected.ok()) {
         End(connected);
         return connected;
@@ -222,7 +227,7 @@ class LinkedAxis final : public Axis {
     if (motion_ == nullptr) return;
     // Homing is what clears a fault.
     const bool fault = ErrorReason(error) == "DEVICE_FAULT";
-    if (fault && !motion_->target.has_value() && motion_->stage == Motion::kWaiting) {
+    if (fault && motion_->kind == Motion::kHome && motion_->stage == Motion::kWaiting) {
       return StartMotion({});
     }
     Note(link_->Halt()).IgnoreError();
@@ -240,6 +245,11 @@ class LinkedAxis final : public Axis {
         if (!reading.moving) StartMotion(reading);  // else it still brakes
         return;
       case Motion::kUnderWay:
+        if (motion_->kind == Motion::kTurn) {
+          if (reading.moving) motion_->since = clock_.Now();
+          if (!reading.moving && taken > kStartGrace) End(Stalled(reading));
+          return;
+        }
         if (reading.moving) return;
         if (Arrived(reading)) {
           motion_->stage = Motion::kSettling;
@@ -259,19 +269,22 @@ class LinkedAxis final : public Axis {
   void StartMotion(const AxisReading& from) {
     absl::Status started;
     rest_.reset();
-    if (!motion_->target.has_value()) {
+    if (motion_->kind == Motion::kHome) {
       started = link_->StartHome();
       doubtful_ = false;
     } else if (!from.homed) {
       started = Error(absl::StatusCode::kFailedPrecondition, "NOT_HOMED",
                       absl::StrCat(name_, " must be homed first"), {{"axis", name_}});
     } else {
-      motion_->goal = info_.continuous
-                          ? from.position + MoveDistance(info_, from.position, *motion_->target)
-                          : *motion_->target;
-      started = link_->StartMove(motion_->goal, motion_->velocity_dps);
-      // What is out of range is refused before anything moves.
-      if (!started.ok() && !absl::IsOutOfRange(started)) Doubt(MessageOf(started));
+      if (motion_->kind == Motion::kTurn) {
+        started = link_->StartTurn(motion_->velocity_dps);
+      } else {
+        motion_->goal = info_.continuous
+                            ? from.position + MoveDistance(info_, from.position, motion_->target)
+                            : motion_->target;
+        started = link_->StartMove(motion_->goal, motion_->velocity_dps);
+      }
+      if (!started.ok() && !RefusedAtRest(started)) Doubt(MessageOf(started));
     }
     if (!Note(started).ok()) {
       if (!lost_) Note(link_->Halt()).IgnoreError();  // a part of it may have gone through
@@ -281,9 +294,14 @@ class LinkedAxis final : public Axis {
     motion_->since = clock_.Now();
   }
 
+  // What is out of range, or not possible at all, is refused before anything moves.
+  static bool RefusedAtRest(const absl::Status& started) {
+    return absl::IsOutOfRange(started) || absl::IsUnimplemented(started);
+  }
+
   bool Arrived(const AxisReading& reading) const {
     if (!reading.homed) return false;
-    return !motion_->target.has_value() || !IsOff(reading.position - motion_->goal);
+    return motion_->kind == Motion::kHome || !IsOff(reading.position - motion_->goal);
   }
 
   void EndAt(const AxisReading& reading) {
@@ -293,7 +311,7 @@ class LinkedAxis final : public Axis {
   }
   void End(const absl::Status& why) {
     const std::shared_ptr<Motion> motion = std::exchange(motion_, nullptr);
-    if (motion->target.has_value() && motion->stage != Motion::kWaiting) Doubt(MessageOf(why));
+    if (motion->kind != Motion::kHome && motion->stage != Motion::kWaiting) Doubt(MessageOf(why));
     motion->operation->Fail(why);
   }
   void FailStops(const absl::Status& why) {
@@ -313,9 +331,19 @@ class LinkedAxis final : public Axis {
                  {{"device", name_}});
   }
 
+  absl::Status Stalled(const AxisReading& reading) const {
+    const double at = reading.position.degrees();
+    return Error(absl::StatusCode::kFailedPrecondition, "AXIS_STALLED",
+                 absl::StrFormat("%s stands at %g deg, though it is to turn at %g deg/s", name_, at,
+                                 motion_->velocity_dps),
+                 {{"axis", name_},
+                  {"at_deg", absl::StrCat(at)},
+                  {"velocity_dps", absl::StrCat(motion_->velocity_dps)}});
+  }
+
   absl::Status OffTarget(const AxisReading& reading) const {
     const double at = reading.position.degrees();
-    if (!motion_->target.has_value()) {
+    if (motion_->kind == Motion::kHome) {
       return Error(absl::StatusCode::kFailedPrecondition, "AXIS_OFF_TARGET",
                    absl::StrFormat("%s stands at %g deg and says that it is not homed", name_, at),
                    {{"axis", name_}, {"at_deg", absl::StrCat(at)}});

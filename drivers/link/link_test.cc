@@ -93,6 +93,12 @@ class DriveLink final : public AxisLink {
     if (!drive_.deaf) drive_.Go(target.degrees() + drive_.slips, velocity_dps);
     return absl::OkStatus();
   }
+  absl::Status StartTurn(double velocity_dps) override {
+    MutexLock lock(&drive_.mutex);
+    if (drive_.deaf) return absl::OkStatus();
+    drive_.Go(std::copysign(1e9, velocity_dps), std::abs(velocity_dps));
+    return absl::OkStatus();
+  }
   absl::Status Halt() override {
     MutexLock lock(&drive_.mutex);
     ++drive_.halts;
@@ -182,6 +188,44 @@ TEST_F(LinkedAxisTest, ADriveThatStandsWhereNobodyMovedItHasToBeHomed) {
   EXPECT_TRUE(Home().ok());
   EXPECT_TRUE(homed());
   EXPECT_TRUE(Move(45).ok());
+}
+
+TEST(LinkedTurn, ADriveThatDoesNotTurnIsNoticed) {
+  AxisOverDrive over(true);
+  auto axis = *over.Open();
+  Pending<AxisState> home(over.clock()), done(over.clock());
+  axis->Home(over.clock().Now() + seconds(20), home.sink());
+  ASSERT_TRUE(home.Wait(kNever, "Home").ok());
+  over.drive.deaf = true;
+  axis->Turn(-50, over.clock().Now() + seconds(20), done.sink());
+  const absl::Status turned = done.Wait(kNever, "Turn").status();
+  EXPECT_EQ(ErrorReason(turned), "AXIS_STALLED") << turned;
+  EXPECT_NE(turned.message().find("-50 deg/s"), std::string::npos) << turned;
+}
+
+TEST(LinkedTurn, AnErrorOnTheWayHaltsAndTakesTheReference) {
+  AxisOverDrive over(true);
+  auto axis = *over.Open();
+  const auto homed = [&] {
+    Pending<AxisState> done(over.clock());
+    axis->Read(over.clock().Now() + seconds(20), done.sink());
+    return done.Wait(kNever, "Read")->homed;
+  };
+  Pending<AxisState> home(over.clock()), done(over.clock());
+  axis->Home(over.clock().Now() + seconds(20), home.sink());
+  ASSERT_TRUE(home.Wait(kNever, "Home").ok());
+  ASSERT_TRUE(homed());
+  axis->Turn(50, over.clock().Now() + seconds(20), done.sink());
+  SleepFor(over.clock(), milliseconds(20));
+  {
+    MutexLock lock(&over.drive.mutex);
+    over.drive.next_read = Fault(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT");
+  }
+  EXPECT_EQ(ErrorReason(done.Wait(kNever, "Turn").status()), "DEVICE_SILENT");
+  EXPECT_FALSE(homed());
+  MutexLock lock(&over.drive.mutex);
+  EXPECT_EQ(over.drive.halts, 1);
+  EXPECT_LT(over.drive.to, 20) << "it must not go on";
 }
 
 TEST_F(LinkedAxisTest, AMoveThatIsTooLateIsHalted) {

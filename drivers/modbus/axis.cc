@@ -123,6 +123,14 @@ class ModbusDrive final : public AxisLink {
     return Go(StepsOf(target), velocity_dps, target);
   }
 
+  absl::Status StartTurn(double velocity_dps) override {
+    // What profiles describe are drives that are positioned: to half of what is left to count in that direction.
+    ASSIGN_OR_RETURN(const Raw raw, ReadRaw());
+    const int64_t end = Sign() * velocity_dps > 0 ? Last() : First();
+    const int64_t target = raw.position + (end - raw.position) / 2;
+    return Go(static_cast<double>(target), std::abs(velocity_dps), AngleOf(target));
+  }
+
   absl::Status Halt() override {
     phase_ = Phase::kIdle;
     absl::Status halted;
@@ -266,11 +274,16 @@ class ModbusDrive final : public AxisLink {
     return written;
   }
 
+  // The positions that it can count and be told.
+  int64_t First() const {
+    return std::max(Lowest(profile_.target), Lowest(profile_.position.format));
+  }
+  int64_t Last() const {
+    return std::min(Highest(profile_.target), Highest(profile_.position.format));
+  }
+
   absl::Status Go(double steps, double velocity_dps, Angle target) {
-    const auto lowest =
-        static_cast<double>(std::max(Lowest(profile_.target), Lowest(profile_.position.format)));
-    const auto highest =
-        static_cast<double>(std::min(Highest(profile_.target), Highest(profile_.position.format)));
+    const auto lowest = static_cast<double>(First()), highest = static_cast<double>(Last());
     if (!(steps >= lowest && steps <= highest)) {
       return Error(absl::StatusCode::kOutOfRange, "AXIS_OVERFLOW",
                    absl::StrFormat("%s: %g deg is position %.0f, but the drive counts from %.0f to "

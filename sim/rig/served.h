@@ -69,6 +69,9 @@ class ServedAxis final : public ServedDevice<Axis, AxisInfo> {
             Completion<AxisState> done) override {
     device().Move(target, velocity_dps, deadline, std::move(done));
   }
+  void Turn(double velocity_dps, TimePoint deadline, Completion<AxisState> done) override {
+    device().Turn(velocity_dps, deadline, std::move(done));
+  }
   void Read(TimePoint deadline, Completion<AxisState> done) override {
     device().Read(deadline, std::move(done));
   }

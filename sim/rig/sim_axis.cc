@@ -7,6 +7,9 @@
 namespace lightstage::sim {
 namespace {
 
+// Times beyond would overflow.
+constexpr Duration kLongestTurn = std::chrono::hours(10000);
+
 AxisInfo InfoOf(const std::string& name, const SimAxisOptions& options) {
   AxisInfo info;
   info.identity = {.name = name, .driver = "sim", .model = "lightstaged simulated axis"};
@@ -42,14 +45,25 @@ AxisState SimAxis::State() const {
   return state;
 }
 
+absl::Status SimAxis::CheckHomed() const {
+  if (homed_) return absl::OkStatus();
+  return Error(absl::StatusCode::kFailedPrecondition, "NOT_HOMED",
+               absl::StrCat(info_.identity.name, " must be homed first"),
+               {{"axis", info_.identity.name}});
+}
+
+absl::StatusOr<AxisState> SimAxis::AtRest() const {
+  AxisState state = State();
+  if (!state.moving) return state;
+  // After a deadline that was too short.
+  return Error(absl::StatusCode::kFailedPrecondition, "AXIS_BUSY",
+               absl::StrCat(info_.identity.name, " is still moving; wait for it or stop it"),
+               {{"axis", info_.identity.name}});
+}
+
 absl::StatusOr<TimePoint> SimAxis::Go(Angle target, double velocity_dps, bool stall) {
   const TimePoint now = timers_.clock().Now();
-  const AxisState state = State();
-  if (state.moving) {  // after a deadline that was too short
-    return Error(absl::StatusCode::kFailedPrecondition, "AXIS_BUSY",
-                 absl::StrCat(info_.identity.name, " is still moving; wait for it or stop it"),
-                 {{"axis", info_.identity.name}});
-  }
+  ASSIGN_OR_RETURN(const AxisState state, AtRest());
   const double from = state.position.degrees();
   const double distance = MoveDistance(info_, state.position, target).degrees();
   if (distance == 0) return stall ? kNever : now;
@@ -76,11 +90,7 @@ void SimAxis::Home(TimePoint deadline, Completion<AxisState> done) {
 
 void SimAxis::Move(Angle target, double velocity_dps, TimePoint deadline,
                    Completion<AxisState> done) {
-  if (!homed_) {
-    return std::move(done)(Error(absl::StatusCode::kFailedPrecondition, "NOT_HOMED",
-                                 absl::StrCat(info_.identity.name, " must be homed first"),
-                                 {{"axis", info_.identity.name}}));
-  }
+  if (absl::Status homed = CheckHomed(); !homed.ok()) return std::move(done)(homed);
   if (absl::Status inside = CheckTarget(info_, target); !inside.ok()) {
     return std::move(done)(inside);
   }
@@ -88,6 +98,26 @@ void SimAxis::Move(Angle target, double velocity_dps, TimePoint deadline,
       "AXIS_BUSY", absl::StrFormat("%s: move to %g deg", info_.identity.name, target.degrees()),
       deadline, std::move(done),
       [&] { return Go(target, velocity_dps, world_->FaultDue(Operation::kMove)); },
+      [this]() -> absl::StatusOr<AxisState> { return State(); });
+}
+
+void SimAxis::Turn(double velocity_dps, TimePoint deadline, Completion<AxisState> done) {
+  if (absl::Status homed = CheckHomed(); !homed.ok()) return std::move(done)(homed);
+  if (absl::Status good = CheckTurn(info_, velocity_dps); !good.ok()) {
+    return std::move(done)(good);
+  }
+  operations_.Start(
+      "AXIS_BUSY", absl::StrFormat("%s: turning at %g deg/s", info_.identity.name, velocity_dps),
+      deadline, std::move(done),
+      [&]() -> absl::StatusOr<TimePoint> {
+        const TimePoint now = timers_.clock().Now();
+        ASSIGN_OR_RETURN(const AxisState state, AtRest());
+        world_->SetMotion(options_.role,
+                          ::lightstage::sim::Turn(now, state.position.degrees(), velocity_dps,
+                                                  std::clamp(deadline, now, now + kLongestTurn),
+                                                  options_.mechanics));
+        return kNever;
+      },
       [this]() -> absl::StatusOr<AxisState> { return State(); });
 }
 

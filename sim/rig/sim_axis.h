@@ -27,11 +27,15 @@ class SimAxis final : public Axis {
   void Home(TimePoint deadline, Completion<AxisState> done) override;
   void Move(Angle target, double velocity_dps, TimePoint deadline,
             Completion<AxisState> done) override;
+  void Turn(double velocity_dps, TimePoint deadline, Completion<AxisState> done) override;
   void Read(TimePoint deadline, Completion<AxisState> done) override;
   void Stop(TimePoint deadline, Completion<AxisState> done) override;
 
  private:
   AxisState State() const;
+  absl::Status CheckHomed() const;
+  // AXIS_BUSY while it moves; else the state from which a motion can start.
+  absl::StatusOr<AxisState> AtRest() const;
   // Starts the way to `target` and returns when it will have settled; kNever if it is to stall. AXIS_BUSY while it moves.
   absl::StatusOr<TimePoint> Go(Angle target, double velocity_dps, bool stall);
   // Starts braking if it moves; returns when it stands.

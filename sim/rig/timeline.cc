@@ -125,6 +125,23 @@ Motion Travel(TimePoint start, double position, double distance, double target, 
   return motion;
 }
 
+Motion Turn(TimePoint start, double position, double velocity_dps, TimePoint until,
+            const AxisMechanics& mechanics) {
+  const double a = std::copysign(mechanics.max_acceleration_dps2, velocity_dps);
+  const double ramp = std::min(velocity_dps / a, Seconds(until - start));
+  const double plateau = Seconds(until - start) - ramp;
+  Motion motion{{.start = start, .position = position, .acceleration = a}};
+  if (plateau > 0) {
+    motion.push_back({.start = start + FromSeconds(ramp),
+                      .position = position + a * ramp * ramp / 2,
+                      .velocity = velocity_dps});
+  }
+  const Motion braking =
+      Brake(until, position + a * ramp * (ramp / 2 + plateau), a * ramp, mechanics);
+  motion.insert(motion.end(), braking.begin(), braking.end());
+  return motion;
+}
+
 Motion Brake(TimePoint start, double position, double velocity, const AxisMechanics& mechanics) {
   Motion motion;
   const double a = mechanics.max_acceleration_dps2, time = std::abs(velocity) / a;

@@ -59,6 +59,10 @@ struct AxisMechanics {
 Motion Travel(TimePoint start, double position, double distance, double target, double velocity_dps,
               const AxisMechanics& mechanics);
 
+// From standstill at `position` up to `velocity_dps`, signed, not 0, and back to standstill from `until` on.
+Motion Turn(TimePoint start, double position, double velocity_dps, TimePoint until,
+            const AxisMechanics& mechanics);
+
 // Full braking from a velocity.
 Motion Brake(TimePoint start, double position, double velocity, const AxisMechanics& mechanics);
 

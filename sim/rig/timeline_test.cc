@@ -153,6 +153,23 @@ TEST(Motion, WayBoundsWhatItMoves) {
   EXPECT_LT(ways, 100);
 }
 
+TEST(Motion, TurnsUntilItsTimeIsOver) {
+  MotionTimeline axis;
+  // 2 s up to 8 deg/s over 8 deg, 3 s of 8 deg/s, 2 s down.
+  axis.Set(Turn(At(1), 10, -8, At(6), {4, {}, 0}));
+  EXPECT_NEAR(axis.Velocity(At(2)), -4, 1e-9);
+  EXPECT_NEAR(axis.Position(At(3)), 10 - 8, 1e-9);
+  EXPECT_NEAR(axis.Velocity(At(5)), -8, 1e-9);
+  EXPECT_NEAR(axis.Position(At(6)), 10 - 8 - 24, 1e-9);
+  EXPECT_TRUE(axis.Moving(At(7.9)));
+  EXPECT_FALSE(axis.Moving(At(8.001)));
+  EXPECT_NEAR(axis.Position(At(100)), 10 - 8 - 24 - 8, 1e-9);
+  // Too short to come to speed.
+  axis.Set(Turn(At(200), 0, 8, At(201), {4, {}, 0}));
+  EXPECT_NEAR(axis.Velocity(At(201)), 4, 1e-9);
+  EXPECT_NEAR(axis.Position(At(300)), 4, 1e-9);
+}
+
 TEST(Motion, BrakesWithinItsAcceleration) {
   MotionTimeline axis;
   axis.Set(Travel(At(0), 0, 90, 90, 8, {4, {}, 0}));

@@ -54,6 +54,57 @@ TEST(Control, ByHandEverythingDoesWhatItSays) {
   EXPECT_FALSE(Lit(daemon.State()));
 }
 
+TEST(Control, AJogTurnsForItsTimeOrToItsLimit) {
+  TestFolder folder;
+  Daemon daemon(folder, SmallRig());
+  Answer jog = daemon.Ctl({"jog", "turntable", "-90", "--for", "8"});
+  ASSERT_EQ(jog.code, 0) << jog.err;
+  const double at = jog.json()["axis"]["positionDeg"].get<double>();
+  EXPECT_NEAR(at, -720, 5);
+  EXPECT_FALSE(jog.json()["axis"].value("moving", false));
+  EXPECT_EQ(jog.json()["axis"]["homed"], true);
+  EXPECT_EQ(daemon.Ctl({"move", "turntable", "45"}).code, 0);
+  jog = daemon.Ctl({"jog", "turntable", "90", "--for", "1"});
+  ASSERT_EQ(jog.code, 0) << jog.err;
+  EXPECT_EQ(jog.json()["axis"]["homed"], true);
+  EXPECT_NEAR(jog.json()["axis"]["positionDeg"].get<double>(), 45 + 90, 5);
+
+  jog = daemon.Ctl({"jog", "tilt", "10"});
+  ASSERT_EQ(jog.code, 0) << jog.err;
+  EXPECT_NEAR(jog.json()["axis"]["positionDeg"].get<double>(), 90, 0.01);
+  jog = daemon.Ctl({"jog", "tilt", "-10", "--for", "2"});
+  ASSERT_EQ(jog.code, 0) << jog.err;
+  EXPECT_NEAR(jog.json()["axis"]["positionDeg"].get<double>(), 70, 1.5);
+}
+
+TEST(Control, AJogEndsByCtrlCAndWithItsClient) {
+  TestFolder folder;
+  Daemon daemon(folder, RealTime(SmallRig()));
+  auto moving = [&] { return daemon.State()["axes"][0]["moving"] == true; };
+  auto jog = daemon.Start({"jog", "turntable", "20"});
+  ASSERT_TRUE(WaitUntil(Milliseconds(10000), moving)) << jog->err();
+  jog->Signal(SIGINT);
+  EXPECT_EQ(jog->Wait(), 0) << jog->err();
+  EXPECT_FALSE(moving());
+  EXPECT_TRUE(Says(jog->out(), "positionDeg")) << jog->out();
+
+  jog = daemon.Start({"jog", "turntable", "-20"});
+  ASSERT_TRUE(WaitUntil(Milliseconds(10000), moving));
+  Answer move = daemon.Ctl({"move", "turntable", "0"});
+  EXPECT_TRUE(Says(move.err, "CONTROL_HELD")) << move.err;
+  jog->Signal(SIGKILL);
+  jog->Wait();
+  EXPECT_TRUE(WaitUntil(2 * kHeartbeat, [&] { return !moving(); }));
+  EXPECT_TRUE(WaitUntil(2 * kHeartbeat, [&] { return !daemon.State().contains("control"); }));
+
+  jog = daemon.Start({"jog", "turntable", "20"});
+  ASSERT_TRUE(WaitUntil(Milliseconds(10000), moving));
+  ASSERT_EQ(daemon.Ctl({"stop"}).code, 0);
+  EXPECT_FALSE(moving());
+  EXPECT_EQ(jog->Wait(), 1);
+  EXPECT_TRUE(Says(jog->err(), "stopped")) << jog->err();
+}
+
 TEST(Control, EveryAnswerHasATextForPeople) {
   TestFolder folder;
   Daemon daemon(folder, SmallRig());
@@ -126,6 +177,13 @@ TEST(Control, BadRequestsAreRefusedWithAReason) {
            {{"move", "tilt", "nan"}, 2, "nan"},
            {{"move", "elevator", "3"}, 2, "elevator"},
            {{"move", "turntable", "3", "--velocity-dps", "-5"}, 1, "VELOCITY"},
+           {{"jog", "turntable", "0"}, 1, "VELOCITY"},
+           {{"jog", "turntable", "0.001"}, 1, "VELOCITY"},
+           {{"jog", "turntable", "721"}, 1, "AXIS_VELOCITY"},
+           {{"jog", "turntable", "10", "--for", "3601"}, 1, "JOG_TIME"},
+           {{"jog", "turntable", "10", "--for", "0"}, 1, "JOG_TIME"},
+           {{"jog", "turntable", "nan"}, 2, "nan"},
+           {{"jog", "turntable"}, 2, "velocity"},
            {{"lamps", "40=1"}, 1, "LAMP_UNKNOWN"},
            {{"lamps", "3=1.5"}, 1, "LAMP_LEVEL"},
            {{"lamps", "3=-0.5"}, 1, "LAMP_LEVEL"},
@@ -248,6 +306,7 @@ TEST(Control, StopNeedsNoLeaseAndLatches) {
   EXPECT_EQ(again.code, 0) << again.err;
   for (const std::vector<std::string>& arguments :
        {std::vector<std::string>{"move", "turntable", "10"},
+        {"jog", "turntable", "10"},
         {"lamps", "3=1"},
         {"pattern", "full"},
         {"capture", "light-stage", "--azimuths", "2"}}) {

@@ -123,6 +123,18 @@ class FakeDaemon::Rig final : public v1::RigService::Service {
       a->mutable_axis()->set_homed(true);
     });
   }
+  grpc::Status JogAxis(grpc::ServerContext* context, const v1::JogAxisRequest* q,
+                       v1::JogAxisResponse* a) override {
+    grpc::Status status = Controlled("JogAxis", *q, [&](FakeState&) {
+      a->mutable_axis()->set_axis(q->axis());
+      a->mutable_axis()->set_position_deg(q->velocity_dps() * q->seconds());
+    });
+    // As long as it says, or until the call is ended.
+    for (double s = 0; status.ok() && s < q->seconds() && !context->IsCancelled(); s += 0.01) {
+      usleep(10000);
+    }
+    return status;
+  }
   grpc::Status SetLamps(grpc::ServerContext*, const v1::SetLampsRequest* q,
                         v1::SetLampsResponse* a) override {
     return Controlled("SetLamps", *q, [&](FakeState& s) {

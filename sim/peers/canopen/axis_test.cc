@@ -53,6 +53,14 @@ class CanopenAxisTest : public testing::Test {
   absl::Status Move(double degrees, double dps = 0) {
     return Start(degrees, dps).Wait(kNever, "Move").status();
   }
+  Pending<AxisState> Turn(double dps) {
+    Pending<AxisState> done(bench_.clock());
+    axis_->Turn(dps, bench_.Soon(), done.sink());
+    return done;
+  }
+  bool Turns(double dps) {
+    return bench_.Becomes([&] { return std::abs(bench_.Truth().velocity_dps - dps) < 0.06; });
+  }
   bool BecomesMoving() {
     return bench_.Becomes([&] { return bench_.Truth().velocity_dps != 0; });
   }
@@ -89,6 +97,84 @@ TEST_F(CanopenAxisTest, HasNoPowerUntilHomedAndNoneOnceClosed) {
   axis_.reset();
   EXPECT_EQ(bench_.drive().statusword() & 0x6F, 0x21) << "ready to switch on";
   EXPECT_EQ(bench_.drive().node().Value(0x1016, 1), 0u) << "does not watch us any more";
+}
+
+TEST_F(CanopenAxisTest, TurnsInProfileVelocityModeBothWays) {
+  Open();
+  ASSERT_TRUE(Home().ok());
+  auto left = Turn(-30);
+  ASSERT_TRUE(Turns(-30));
+  EXPECT_EQ(bench_.drive().node().Value(0x6061, 0), 3u);
+  ASSERT_TRUE(Stop().ok());
+  EXPECT_FALSE(bench_.Truth().moving);
+  EXPECT_EQ(ErrorReason(left.Wait(kNever, "Turn").status()), "STOPPED");
+  // What is left in the target velocity must not come to life when the mode changes.
+  ASSERT_TRUE(Move(20).ok());
+  double lowest = 20;
+  auto right = Turn(45);
+  ASSERT_TRUE(bench_.Becomes([&] {
+    lowest = std::min(lowest, bench_.Truth().position.degrees());
+    return std::abs(bench_.Truth().velocity_dps - 45) < 0.06;
+  }));
+  EXPECT_GT(lowest, 19.9);
+  const absl::StatusOr<AxisState> state = Read();
+  ASSERT_TRUE(state.ok()) << state.status();
+  EXPECT_TRUE(state->homed);
+  EXPECT_NEAR(state->velocity_dps, 45, 0.1);
+  ASSERT_TRUE(Stop().ok());
+  ASSERT_TRUE(Move(20).ok());
+  EXPECT_NEAR(std::remainder(bench_.Truth().position.degrees() - 20, 360), 0, 0.011);
+}
+
+TEST_F(CanopenAxisTest, TurningBackwardsWhereUnitsDo) {
+  bench_.AddDrive({.units_per_turn = -36000});
+  std::string toml = kTurntable;
+  toml.replace(toml.find("36000"), 5, "-36000");
+  absl::StatusOr<std::unique_ptr<Axis>> axis = bench_.OpenAxis(kPatient + toml);
+  ASSERT_TRUE(axis.ok()) << axis.status();
+  axis_ = *std::move(axis);
+  ASSERT_TRUE(Home().ok());
+  auto turn = Turn(30);
+  EXPECT_TRUE(Turns(30));
+  EXPECT_TRUE(Stop().ok());
+}
+
+TEST_F(CanopenAxisTest, ADriveWithoutProfileVelocityModeSaysSo) {
+  Open({.has_velocity_mode = false});
+  ASSERT_TRUE(Home().ok());
+  const absl::Status turned = Turn(30).Wait(kNever, "Turn").status();
+  EXPECT_EQ(ErrorReason(turned), "CANNOT_TURN") << turned;
+  EXPECT_THAT(turned.message(), HasSubstr("6502h: 00000021h"));
+  EXPECT_TRUE(Move(20).ok()) << "nothing moved";
+}
+
+TEST_F(CanopenAxisTest, ATurnThatIsHeldUpIsSaid) {
+  Open();
+  ASSERT_TRUE(Home().ok());
+  auto slips = Turn(30);
+  ASSERT_TRUE(Turns(30));
+  bench_.drive().SetSlips(true);
+  const absl::Status slipped = slips.Wait(kNever, "Turn").status();
+  EXPECT_EQ(ErrorReason(slipped), "DEVICE_FAULT") << slipped;
+  EXPECT_THAT(slipped.message(), HasSubstr("slippage"));
+  bench_.drive().SetSlips(false);
+  ASSERT_TRUE(bench_.Becomes([&] { return !bench_.Truth().moving; })) << "it must be halted";
+  EXPECT_EQ(ErrorReason(Turn(30).Wait(kNever, "Turn").status()), "NOT_HOMED");
+  ASSERT_TRUE(Home().ok());
+  auto stalls = Turn(30);
+  ASSERT_TRUE(Turns(30));
+  bench_.drive().Jam();
+  EXPECT_EQ(ErrorReason(stalls.Wait(kNever, "Turn").status()), "AXIS_STALLED");
+}
+
+TEST_F(CanopenAxisTest, ATurnEndsWhenNobodyCommandsItAnyMore) {
+  OpenImpatient();
+  ASSERT_TRUE(Home().ok());
+  auto turn = Turn(30);
+  ASSERT_TRUE(Turns(30));
+  bench_.wire().SetState(bench_.master(), canopen::CanState::kBusOff);
+  EXPECT_TRUE(bench_.Becomes([&] { return !bench_.Truth().moving; }));
+  EXPECT_EQ(bench_.drive().statusword() & 0x6F, 0x07) << "quick stop active";
 }
 
 // Lifting the halt bit alone would let the drive go on to where it was going before.

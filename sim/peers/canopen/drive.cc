@@ -5,6 +5,11 @@
 #include <utility>
 
 namespace lightstage::sim {
+namespace {
+
+constexpr Duration kForEver = std::chrono::hours(1000);
+
+}  // namespace
 
 // Finite state machine and transitions as IEC 61800-7-201 numbers them.
 class CanopenDrive::Profile final : public PeerProfile {
@@ -38,8 +43,10 @@ class CanopenDrive::Profile final : public PeerProfile {
     });
     objects.Live(0x6041, 0, 2, [this] { return uint32_t{Status()}; });
     objects.Variable(0x6060, 0, 1, 0, [this](uint32_t mode) -> uint32_t {
-      if (mode != 1 && mode != 6) return 0x06090030;
+      if (mode != 1 && mode != 6 && !(mode == 3 && options_.has_velocity_mode)) return 0x06090030;
       mode_ = static_cast<int>(mode);
+      // Where a velocity is to be kept it is kept from now on.
+      if (mode_ == 3 && state_ == kEnabled && !halted_) Turn();
       return 0;
     });
     objects.Live(0x6061, 0, 1, [this] { return static_cast<uint32_t>(mode_); });
@@ -65,6 +72,11 @@ class CanopenDrive::Profile final : public PeerProfile {
     objects.Variable(0x6099, 1, 4, 0);
     objects.Variable(0x6099, 2, 4, 0);
     objects.Variable(0x609A, 0, 4, 100);
+    objects.Variable(0x60FF, 0, 4, 0, [this](uint32_t velocity) -> uint32_t {
+      if (mode_ == 3 && state_ == kEnabled && !halted_) Turn(static_cast<int32_t>(velocity));
+      return 0;
+    });
+    objects.Constant(0x6502, 0, 4, options_.has_velocity_mode ? 0x25 : 0x21);
   }
 
   void Tick(TimePoint) override {
@@ -103,6 +115,11 @@ class CanopenDrive::Profile final : public PeerProfile {
   void LoseSetpoints(int count) { lose_ = count; }
   void FailNextHoming() { fail_homing_ = true; }
   void SetFollowingError(bool error) { following_error_ = error; }
+  void SetSlips(bool slips) { slips_ = slips; }
+  void Jam() {
+    jammed_ = true;
+    Stop();
+  }
 
   uint16_t Status() const {
     constexpr uint16_t kBits[] = {0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08};
@@ -115,6 +132,10 @@ class CanopenDrive::Profile final : public PeerProfile {
       set(10, !moving);
       set(12, acknowledged_);
       set(13, following_error_);
+    } else if (mode_ == 3) {
+      set(10, halted_ ? !moving : Now().velocity_dps == TargetDps());
+      set(12, Now().velocity_dps == 0);
+      set(13, slips_);
     } else if (mode_ == 6) {
       set(10, homing_ != Homing::kRunning && !moving);
       set(12, homing_ == Homing::kDone);
@@ -185,6 +206,7 @@ class CanopenDrive::Profile final : public PeerProfile {
       state_ = kEnabled;  // 3 + 4, 4
       target_.reset();
       halted_ = false;
+      if (mode_ == 3) Turn();
       return;
     }
     if (state_ == kEnabled) Operate(word, before, rising);
@@ -209,6 +231,7 @@ class CanopenDrive::Profile final : public PeerProfile {
       }
       return;
     }
+    if (mode_ == 3 && released) Turn();
     if (mode_ != 1) return;
     if ((word & 0x10) == 0) acknowledged_ = false;
     if ((rising & 0x10) != 0) {
@@ -246,7 +269,7 @@ class CanopenDrive::Profile final : public PeerProfile {
       from = motion.back().position;
       motion.pop_back();
     }
-    if (to_deg == from) {
+    if (to_deg == from || jammed_) {
       motion.push_back({.start = now, .position = from});
     } else {
       const Motion travel = Travel(now, from, to_deg - from, to_deg, dps, Mechanics(ramp_dps2));
@@ -262,6 +285,30 @@ class CanopenDrive::Profile final : public PeerProfile {
     world_->SetMotion(options_.role, ::lightstage::sim::Brake(
                                          now, state.position.degrees(), state.velocity_dps,
                                          Mechanics(objects_ == nullptr ? 1000 : Dps(0x6084, 0))));
+  }
+
+  double TargetDps() const { return Degrees(static_cast<int32_t>(objects_->Value(0x60FF, 0))); }
+  double Degrees(double units) const { return units / options_.units_per_turn * 360; }
+
+  void Turn() { Turn(static_cast<int32_t>(objects_->Value(0x60FF, 0))); }
+  // At so many units per second from now on.
+  void Turn(int32_t units) {
+    const double dps = Degrees(units);
+    const TimePoint now = world_->clock().Now();
+    const AxisState state = world_->AxisAt(options_.role, now);
+    const double change = dps - state.velocity_dps;
+    if (change == 0 || jammed_) return;
+    const double ramp = std::copysign(Dps(0x6083, 0), change), time = change / ramp;
+    const TimePoint reached = now + FromSeconds(time);
+    const double from = state.position.degrees(),
+                 to = from + (state.velocity_dps + change / 2) * time;
+    Motion motion{
+        {.start = now, .position = from, .velocity = state.velocity_dps, .acceleration = ramp},
+        {.start = reached, .position = to, .velocity = dps}};
+    // Motions end.
+    if (dps != 0)
+      motion.push_back({.start = reached + kForEver, .position = to + dps * Seconds(kForEver)});
+    world_->SetMotion(options_.role, motion);
   }
 
   // Without power friction ends it at once.
@@ -280,7 +327,7 @@ class CanopenDrive::Profile final : public PeerProfile {
   int mode_ = 0;
   uint16_t control_ = 0, error_code_ = 0;
   bool acknowledged_ = false, halted_ = false, following_error_ = false, fault_stays_ = false,
-       fail_homing_ = false;
+       fail_homing_ = false, slips_ = false, jammed_ = false;
   Homing homing_ = Homing::kNo;
   int lose_ = 0;
   double origin_deg_ = 0;         // the world's angle at position 0
@@ -309,6 +356,12 @@ void CanopenDrive::FailNextHoming() {
 }
 void CanopenDrive::SetFollowingError(bool error) {
   node_->Do([&](ObjectDictionary&) { profile_->SetFollowingError(error); });
+}
+void CanopenDrive::SetSlips(bool slips) {
+  node_->Do([&](ObjectDictionary&) { profile_->SetSlips(slips); });
+}
+void CanopenDrive::Jam() {
+  node_->Do([&](ObjectDictionary&) { profile_->Jam(); });
 }
 void CanopenDrive::CutPower() {
   node_->Do([&](ObjectDictionary&) { profile_->CutPower(); });

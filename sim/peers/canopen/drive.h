@@ -19,6 +19,7 @@ struct DriveOptions {
   std::optional<std::pair<int32_t, int32_t>> software_limits;  // 607Dh
   bool has_abort_option = true;                                // 6007h
   bool has_pdo = true;                                         // 1800h, 1A00h
+  bool has_velocity_mode = true;                               // mode 3, and its bit in 6502h
 };
 
 class CanopenDrive {
@@ -38,6 +39,9 @@ class CanopenDrive {
   void Fail(uint16_t error_code, bool stays = false);
   void FailNextHoming();
   void SetFollowingError(bool error);
+  void SetSlips(bool slips);
+  // Something holds the axis where it is, for good; the drive goes on trying.
+  void Jam();
   // Its enable input goes off: power goes at once.
   void CutPower();
   uint16_t statusword();
