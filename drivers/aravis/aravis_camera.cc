@@ -50,23 +50,32 @@ absl::StatusOr<std::unique_ptr<AravisLink>> AravisCamera::Connect() {
   events.buffer_done = [this](uint64_t session) {
     thread_.Post([this, session] { OnBuffer(session); });
   };
-  events.control_lost = [this] { OnControlLost(); };
+  events.lost = [this](const std::string& why) { OnLost(why); };
   return AravisLink::Open(options_, name_, clock_, std::move(events));
 }
 
 // ---- Any thread
 
 absl::Status AravisCamera::LostError() const {
-  return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
-               absl::StrCat(name_,
-                            ": control of the camera was lost: it was unplugged, restarted or "
-                            "taken by another program; arm or configure it to connect anew"),
-               {{"device", name_}});
+  MutexLock lock(&lost_mutex_);
+  return Error(
+      absl::StatusCode::kUnavailable, "DEVICE_LOST",
+      absl::StrCat(name_, ": the camera is lost: ", lost_, "; arm or configure it to connect anew"),
+      {{"device", name_}, {"detail", lost_}});
 }
 
-void AravisCamera::OnControlLost() {
-  lost_ = true;
-  spdlog::warn("{}: control lost", name_);
+bool AravisCamera::lost() const {
+  MutexLock lock(&lost_mutex_);
+  return !lost_.empty();
+}
+
+void AravisCamera::OnLost(const std::string& why) {
+  {
+    MutexLock lock(&lost_mutex_);
+    if (!lost_.empty()) return;  // libaravis notices too
+    lost_ = why;
+  }
+  spdlog::warn("{}: lost: {}", name_, why);
   thread_.FailAll(LostError());
 }
 
@@ -77,32 +86,46 @@ absl::Status AravisCamera::ConnectAnew() {
   active_.reset();
   link_.reset();
   sequence_base_ = last_sequence_;
-  lost_ = false;  // before: it may get lost again at once
-  ASSIGN_OR_RETURN(link_, Connect());
-  if (link_->capabilities().serial != capabilities_.serial ||
-      link_->capabilities().width.max != capabilities_.width.max ||
-      link_->capabilities().height.max != capabilities_.height.max) {
-    lost_ = true;
-    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-                 absl::StrFormat("%s: another camera answers now: serial '%s' instead of '%s'",
-                                 name_, link_->capabilities().serial, capabilities_.serial),
-                 {{"device", name_}, {"serial", link_->capabilities().serial}});
+  {
+    MutexLock lock(&lost_mutex_);
+    lost_.clear();  // before: it may get lost again at once
   }
+  absl::StatusOr<std::unique_ptr<AravisLink>> link = Connect();
+  if (link.ok()) link = TheSame(*std::move(link));
+  if (!link.ok()) {
+    MutexLock lock(&lost_mutex_);
+    lost_ = MessageOf(link.status());
+    return link.status();
+  }
+  link_ = *std::move(link);
   spdlog::info("{}: connected anew", name_);
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::unique_ptr<AravisLink>> AravisCamera::TheSame(
+    std::unique_ptr<AravisLink> link) const {
+  const AravisCapabilities& now = link->capabilities();
+  if (now.serial == capabilities_.serial && now.width.max == capabilities_.width.max &&
+      now.height.max == capabilities_.height.max) {
+    return link;
+  }
+  return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+               absl::StrFormat("%s: another camera answers now: serial '%s' instead of '%s'", name_,
+                               now.serial, capabilities_.serial),
+               {{"device", name_}, {"serial", now.serial}});
 }
 
 absl::Status AravisCamera::DoConfigure(const CameraConfig& config) {
   asked_ = config;
   configured_ = false;
-  if (lost_ || !link_) RETURN_IF_ERROR(ConnectAnew());
+  if (lost()) RETURN_IF_ERROR(ConnectAnew());
   ASSIGN_OR_RETURN(config_, link_->Configure(config));
   configured_ = true;
   return absl::OkStatus();
 }
 
 absl::Status AravisCamera::DoArm(const Outstanding& operation, TimePoint deadline) {
-  if ((lost_ || !link_) && asked_) {
+  if (lost() && asked_) {
     RETURN_IF_ERROR(DoConfigure(CameraConfig(*asked_)));
     if (operation.finished()) return thread_.Late("Arm");
   }
@@ -110,7 +133,7 @@ absl::Status AravisCamera::DoArm(const Outstanding& operation, TimePoint deadlin
 }
 
 absl::Status AravisCamera::StartStream(TimePoint deadline) {
-  if (lost_ || !link_) return LostError();
+  if (lost()) return LostError();
   if (!configured_) {
     return Refusal("CAMERA_NOT_CONFIGURED", "must be configured before it is armed");
   }
@@ -134,7 +157,7 @@ void AravisCamera::DoDisarm() {
 
 void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
   if (shot->finished()) return;
-  if (lost_ || !link_) {
+  if (lost()) {
     shot->Fail(LostError());
     return;
   }

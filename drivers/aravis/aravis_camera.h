@@ -2,9 +2,9 @@
 // the rig's clock, so that a camera that does not answer never holds up a caller.
 #pragma once
 
-#include <atomic>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "drivers/aravis/link.h"
 #include "drivers/link/streaming_camera.h"
@@ -30,12 +30,15 @@ class AravisCamera final : public StreamingCamera {
   absl::StatusOr<std::unique_ptr<AravisLink>> Connect();
 
   // ---- Any thread.
-  void OnControlLost();
+  void OnLost(const std::string& why);
+  bool lost() const;
   absl::Status LostError() const;
 
   // ---- The device's thread.
   // After control was lost these connect anew, to the same camera, Arm with the configuration that it had.
   absl::Status ConnectAnew();
+  // `link` if it is to the camera that was opened first.
+  absl::StatusOr<std::unique_ptr<AravisLink>> TheSame(std::unique_ptr<AravisLink> link) const;
   absl::Status DoConfigure(const CameraConfig& config) override;
   absl::Status DoArm(const Outstanding& operation, TimePoint deadline) override;
   absl::Status StartStream(TimePoint deadline);
@@ -61,7 +64,8 @@ class AravisCamera final : public StreamingCamera {
   uint64_t sequence_base_ = 0;    // frames counted before the last reconnection
   uint64_t last_sequence_ = 0;
 
-  std::atomic<bool> lost_{false};
+  mutable Mutex lost_mutex_;
+  std::string lost_ ABSL_GUARDED_BY(lost_mutex_);  // why; empty if it is not
 };
 
 }  // namespace lightstage

@@ -13,6 +13,7 @@
 #include "drivers/aravis/fake_camera_process.h"
 #include "drivers/conformance/fixtures.h"
 #include "drivers/conformance/private_network.h"
+#include "drivers/conformance/unplug.h"
 
 namespace lightstage {
 namespace {
@@ -27,6 +28,7 @@ AravisOptions Options() {
   options.address = FakeCameraProcess::kAddress;
   options.packet_size = 7000;
   options.frame_retention = milliseconds(60);
+  options.lost_after = seconds(10);  // a busy machine must not make the camera seem lost
   return options;
 }
 
@@ -287,6 +289,39 @@ TEST_F(AravisCameraTest, LostCameraIsReportedAndCanComeBack) {
   absl::StatusOr<Frame> after = TakeWithRetakes(milliseconds(10));
   ASSERT_TRUE(after.ok()) << after.status();
   EXPECT_GT(after->sequence, before->sequence);
+}
+
+// As the cable does: the camera is silent and has its state when it answers again.
+TEST_F(AravisCameraTest, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
+  Start();
+  AravisOptions options = Options();
+  options.lost_after = AravisOptions().lost_after;
+  ASSERT_TRUE(Open(options).ok());
+  ASSERT_TRUE(Ready(kSmall).ok());
+  CheckUnplugging(clock_, "camera",
+                  {.plug = [&](bool plugged) { process_->Suspend(!plugged); },
+                   .use = [&] { return TakeWithRetakes(milliseconds(10)).status(); },
+                   .recover =
+                       [&] {
+                         camera_->Disarm(clock_.Now() + seconds(30), [](auto) {});
+                         return Ready(kSmall);
+                       }});
+}
+
+TEST_F(AravisCameraTest, SwitchedOffIsToldWithinASecondAndKeepsNothingOpen) {
+  Start();
+  AravisOptions options = Options();
+  options.lost_after = AravisOptions().lost_after;
+  ASSERT_TRUE(Open(options).ok());
+  ASSERT_TRUE(Ready(kSmall).ok());
+  CheckUnplugging(clock_, "camera",
+                  {.plug = [&](bool plugged) { plugged ? Start() : process_->Kill(); },
+                   .use = [&] { return TakeWithRetakes(milliseconds(10)).status(); },
+                   .recover =
+                       [&] {
+                         camera_->Disarm(clock_.Now() + seconds(30), [](auto) {});
+                         return Ready(kSmall);
+                       }});
 }
 
 // Restarted while armed, as after a power cut: what it was configured to is applied again by Arm alone.

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "drivers/aravis/glib.h"
+#include "drivers/aravis/gvcp_watch.h"
 
 namespace lightstage {
 namespace {
@@ -82,6 +83,7 @@ AravisLink::AravisLink(const AravisOptions& options, std::string name, Clock& cl
     : options_(options), name_(std::move(name)), clock_(clock), events_(std::move(events)) {}
 
 AravisLink::~AravisLink() {
+  watch_.reset();
   StopStream();
   if (!camera_) return;
   g_clear_object(&chunks_);

@@ -25,6 +25,7 @@ struct _GError;
 
 namespace lightstage {
 
+class GvcpWatch;
 class LastReference;
 
 // What answers on the network and on the USB. One thread at a time, and none that has a link open meanwhile.
@@ -36,7 +37,7 @@ class AravisLink {
   struct Events {
     std::function<void(uint64_t session, TimePoint)> first_packet;  // of a frame
     std::function<void(uint64_t session)> buffer_done;              // TakeBuffer() has something
-    std::function<void()> control_lost;
+    std::function<void(const std::string& why)> lost;
   };
 
   // Connects, takes control and puts the camera into a known state: no automatic exposure or gain, no binning, stopped.
@@ -85,6 +86,7 @@ class AravisLink {
   // Sets an enumeration to what the rig file's `key` asks for.
   absl::Status Choose(const char* feature, const std::string& value, std::string_view key);
   absl::Status Connect();
+  absl::Status WatchGigE();
   absl::Status ReadCapabilities();
   absl::Status ReadFormats();
   absl::Status ReadGain();
@@ -109,6 +111,7 @@ class AravisLink {
   ArvCamera* camera_ = nullptr;
   std::unique_ptr<LastReference> last_reference_;  // of its device
   unsigned long lost_handler_ = 0;
+  std::unique_ptr<GvcpWatch> watch_;    // of a GigE camera
   std::atomic<bool> answers_{true};     // else it is no use asking the camera anything
   std::atomic<bool> reporting_{false};  // events are wanted
   AravisCapabilities capabilities_;

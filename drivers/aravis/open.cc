@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "drivers/aravis/glib.h"
+#include "drivers/aravis/gvcp_watch.h"
 #include "drivers/aravis/link.h"
 
 namespace lightstage {
@@ -87,9 +88,28 @@ absl::Status AravisLink::Connect() {
   }
   // The other mode does not say when a frame begins.
   if (arv_camera_is_uv_device(camera_)) arv_camera_uv_set_usb_mode(camera_, ARV_UV_USB_MODE_SYNC);
-  auto lost =
-      +[](ArvDevice*, gpointer self) { static_cast<AravisLink*>(self)->events_.control_lost(); };
+  auto lost = +[](ArvDevice*, gpointer self) {
+    static_cast<AravisLink*>(self)->events_.lost(
+        "control was lost: it was unplugged, restarted or taken by another program");
+  };
   lost_handler_ = g_signal_connect(device, "control-lost", G_CALLBACK(lost), this);
+  return arv_camera_is_gv_device(camera_) ? WatchGigE() : absl::OkStatus();
+}
+
+absl::Status AravisLink::WatchGigE() {
+  GSocketAddress* of_camera =
+      arv_gv_device_get_device_address(ARV_GV_DEVICE(arv_camera_get_device(camera_)));
+  sockaddr_in address{};
+  GErrorSlot error;
+  if (!g_socket_address_to_native(of_camera, &address, sizeof(address), error.out())) {
+    return Check(error.get(), "asking for the camera's address");
+  }
+  address.sin_port = htons(kGvcpPort);
+  ASSIGN_OR_RETURN(watch_,
+                   GvcpWatch::Start(address, options_.lost_after, [this](const std::string& why) {
+                     answers_ = false;
+                     events_.lost(why);
+                   }));
   return absl::OkStatus();
 }
 

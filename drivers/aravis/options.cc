@@ -60,6 +60,7 @@ AravisOptions ParseAravisOptions(const TomlTable& table) {
   if (table.Has("frame_retention_ms")) {
     options.frame_retention = table.Time("frame_retention_ms", 1, 60000);
   }
+  options.lost_after = table.Time("lost_after_ms", 100, 60000, 600.0);
   options.packet_socket = table.Bool("packet_socket", false);
   if (table.Has("exposure_end_margin_us")) {
     options.exposure_end_margin = table.Time("exposure_end_margin_us", 0, 1e6);

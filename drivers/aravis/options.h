@@ -18,6 +18,8 @@ struct AravisOptions {
   std::optional<Duration>
       packet_timeout;  // without a packet for so long, missing ones are asked for again
   std::optional<Duration> frame_retention;  // without a packet for so long, a frame is given up
+  // GigE only: a camera that does not answer for so long is lost.
+  Duration lost_after = std::chrono::milliseconds(600);
   bool packet_socket = false;  // raw socket (needs CAP_NET_RAW): cheaper at very high rates
   // How much later than the camera's acknowledgement of a trigger the exposure may start. Not given: an exposure counts as ended
   // only when the first packet of its frame arrives.

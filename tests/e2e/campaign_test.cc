@@ -45,12 +45,8 @@ std::string CanopenTable(const std::string& rig) {
                 kProcess);
 }
 std::string GigeCamera(const std::string& rig) {
-  return Faulty(WithTable(rig, "camera",
-                          "driver = \"sim-gige\"\nformat = \"BayerRG16\"\nwidth = 64\n"
-                          "height = 48\nexposures_us = [1000, 16000]\n"),
-                "camera.options",
-                "address = \"127.0.0.1\"\ngain_db_per_step = 1.0\npacket_size = 1400\n",
-                "sensor_width = 64\nsensor_height = 48\nbits = 12\n");
+  return Faulty(WithTable(rig, "camera", SimGige("BayerRG16", "1000, 16000")), "camera.options",
+                SimGigeOptions(1400), kSimGigePeer);
 }
 
 size_t Faults() { return static_cast<size_t>(FromEnvironment("LIGHTSTAGE_CAMPAIGN_FAULTS", 12)); }

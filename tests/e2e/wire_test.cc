@@ -29,12 +29,9 @@ std::string WireRig(const TestFolder& folder) {
                   "driver = \"sim-modbus\"\nprofile = \"applied-motion\"\nmin_deg = 0\n"
                   "max_deg = 90\nbaud = 115200\nparity = \"none\"\nserial_port = \"" +
                       folder.path().string() + "/drive\"\n" + kServo);
-  rig = WithTable(rig, "camera",
-                  "driver = \"sim-gige\"\nformat = \"BayerRG16\"\nwidth = 64\nheight = 48\n"
-                  "exposures_us = [1000, 16000]\n");
+  rig = WithTable(rig, "camera", SimGige("BayerRG16", "1000, 16000"));
   return WithTable(rig, "camera.options",
-                   "address = \"127.0.0.1\"\ngain_db_per_step = 1.0\npacket_size = 7000\n"
-                   "[camera.options.peer]\nsensor_width = 64\nsensor_height = 48\nbits = 12\n");
+                   SimGigeOptions(7000) + "[camera.options.peer]\n" + kSimGigePeer);
 }
 
 TEST(Wire, ALightStageOverModbusAndGigEEqualsTheDirectOne) {

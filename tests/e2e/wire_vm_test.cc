@@ -22,12 +22,9 @@ std::string DirectRig() {
 
 // The same with the camera, turntable and gantry on wires; `peer`: what the turntable's has besides.
 std::string WireRig(const std::string& peer = "") {
-  std::string rig = WithTable(RealTime(DirectRig()), "camera",
-                              "driver = \"sim-gige\"\nformat = \"Mono16\"\nwidth = 64\n"
-                              "height = 48\nexposures_us = [1000]\n");
+  std::string rig = WithTable(RealTime(DirectRig()), "camera", SimGige("Mono16", "1000"));
   rig = WithTable(rig, "camera.options",
-                  "address = \"127.0.0.1\"\ngain_db_per_step = 1.0\npacket_size = 7000\n"
-                  "[camera.options.peer]\nsensor_width = 64\nsensor_height = 48\nbits = 12\n");
+                  SimGigeOptions(7000) + "[camera.options.peer]\n" + kSimGigePeer);
   rig = WithTable(rig, "turntable",
                   "driver = \"sim-canopen\"\ninterface = \"vcan1\"\nnode = 5\ncontinuous = true\n"
                   "units_per_turn = 36000\nmax_velocity_dps = 360\nmax_acceleration_dps2 = 3600\n"

@@ -87,6 +87,17 @@ void ExpectSame(const TestFolder& folder, const std::string& direct_rig,
               same.worst);
 }
 
+std::string SimGige(const std::string& format, const std::string& exposures_us) {
+  return "driver = \"sim-gige\"\nformat = \"" + format +
+         "\"\nwidth = 64\nheight = 48\nexposures_us = [" + exposures_us + "]\n";
+}
+
+std::string SimGigeOptions(int packet_size) {
+  // A busy machine must not make the camera seem lost.
+  return "address = \"127.0.0.1\"\ngain_db_per_step = 1.0\nlost_after_ms = 10000\npacket_size = " +
+         std::to_string(packet_size) + "\n";
+}
+
 std::string SimDisplay() {
   return "driver = \"sim-display\"\nx_display = \":" + std::to_string(10000 + getpid() % 50000) +
          "\"\noutput = \"screen\"\nrenderer = \"software\"\n";

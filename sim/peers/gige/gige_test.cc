@@ -44,7 +44,8 @@ class Rig {
     ASSIGN_OR_RETURN(TomlDocument document,
                      TomlDocument::Parse("[simulation]\nsamples = 1\n" + simulation_keys +
                                              "[camera]\naddress = \"127.0.0.1\"\n"
-                                             "packet_size = 7000\nframe_retention_ms = 100\n" +
+                                             "packet_size = 7000\nframe_retention_ms = 100\n"
+                                             "lost_after_ms = 10000\n" +
                                              camera_keys +
                                              "[camera.peer]\nsensor_width = 64\n"
                                              "sensor_height = 48\n" +
@@ -281,7 +282,8 @@ class Wired {
         TomlDocument document,
         TomlDocument::Parse(absl::StrCat("[simulation]\nsamples = 1\n", kNoNoise, "[camera]\n",
                                          "address = \"127.0.0.1\"\nframe_retention_ms = 100\n",
-                                         "packet_size = ", packet_size, "\n", camera_keys),
+                                         "lost_after_ms = 10000\n", "packet_size = ", packet_size,
+                                         "\n", camera_keys),
                             "rig.toml"));
     registry_.tables.at("simulation")(document.root().Table("simulation"));
     DeviceOpener<Camera> open = AravisDriver().parse(document.root().Table("camera"));

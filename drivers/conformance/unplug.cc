@@ -1,0 +1,55 @@
+#include "drivers/conformance/unplug.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <iterator>
+
+#include "base/status.h"
+
+namespace lightstage {
+namespace {
+
+constexpr int kTimes = 3;
+constexpr Duration kAtMost = std::chrono::seconds(1);
+// For peers that end connections on threads of their own.
+constexpr Duration kPatience = std::chrono::seconds(20);
+
+std::ptrdiff_t OpenDescriptors() {
+  return std::distance(std::filesystem::directory_iterator("/proc/self/fd"),
+                       std::filesystem::directory_iterator());
+}
+
+}  // namespace
+
+void CheckUnplugging(Clock& clock, const char* device, const Unplugging& unplugging) {
+  const absl::Status before = unplugging.use();
+  ASSERT_TRUE(before.ok()) << before;
+  const std::ptrdiff_t descriptors = OpenDescriptors();
+  Duration best = Duration::max();
+  for (int i = 0; i < kTimes; ++i) {
+    unplugging.plug(false);
+    const TimePoint begin = clock.Now();
+    const absl::Status lost = unplugging.use();
+    best = std::min(best, clock.Now() - begin);
+    EXPECT_TRUE(ErrorReason(lost) == "DEVICE_LOST" || ErrorReason(lost) == "DEVICE_SILENT") << lost;
+    EXPECT_NE(lost.message().find(device), std::string::npos) << "names no device: " << lost;
+    unplugging.plug(true);
+    const absl::Status back = unplugging.recover();
+    ASSERT_TRUE(back.ok()) << back;
+    const absl::Status used = unplugging.use();
+    ASSERT_TRUE(used.ok()) << used;
+  }
+  std::printf("%s unplugged: told after %.0f ms (best of %d)\n", device, Seconds(best) * 1e3,
+              kTimes);
+  EXPECT_LE(best, kAtMost);
+  const TimePoint give_up = clock.Now() + kPatience;
+  while (OpenDescriptors() > descriptors && clock.Now() < give_up) {
+    SleepFor(clock, std::chrono::milliseconds(20));
+  }
+  EXPECT_LE(OpenDescriptors(), descriptors) << "descriptors that stay open";
+}
+
+}  // namespace lightstage
