@@ -16,10 +16,42 @@ namespace {
 
 class DmxLink final : public LampsLink {
  public:
-  DmxLink(const DmxOptions& options, Clock& clock, std::unique_ptr<UsbBus> bus)
-      : options_(options), clock_(clock), bus_(std::move(bus)) {}
+  DmxLink(const DmxOptions& options, const DeviceContext& context, std::unique_ptr<UsbBus> bus)
+      : name_(context.name), options_(options), clock_(*context.clock), bus_(std::move(bus)) {}
 
-  absl::Status Connect() override {
+  absl::Status Connect() override { return Annotate(ConnectWidget(), name_); }
+
+  LampsInfo info() const override {
+    LampsInfo info;
+    info.identity.model = model_;
+    info.identity.serial = serial_;
+    info.count = static_cast<int>(options_.channels.first.size());
+    info.steps = options_.channels.steps();
+    info.settle = options_.settle;
+    // A widget has no timer, and what fixtures do without signal is theirs.
+    info.max_time_to_dark = Duration::zero();
+    return info;
+  }
+
+  absl::StatusOr<std::vector<float>> Set(const std::vector<float>& levels) override {
+    if (widget_ == nullptr) RETURN_IF_ERROR(Connect());
+    absl::Status shown = widget_->Show(SlotsOf(options_.channels, levels));
+    if (!shown.ok()) {
+      widget_.reset();
+      if (IsDark(levels)) DarkenAnew();
+      return Annotate(shown, name_);
+    }
+    return Quantised(options_.channels, levels);
+  }
+
+  absl::Status Check() override {
+    absl::Status sending = widget_->Check();
+    if (!sending.ok()) widget_.reset();
+    return Annotate(sending, name_);
+  }
+
+ private:
+  absl::Status ConnectWidget() {
     widget_.reset();
     ASSIGN_OR_RETURN(std::unique_ptr<UsbPort> port, bus_->Open(options_.device));
     const UsbIdentity usb = port->identity();
@@ -50,36 +82,6 @@ class DmxLink final : public LampsLink {
     return absl::OkStatus();
   }
 
-  LampsInfo info() const override {
-    LampsInfo info;
-    info.identity.model = model_;
-    info.identity.serial = serial_;
-    info.count = static_cast<int>(options_.channels.first.size());
-    info.steps = options_.channels.steps();
-    info.settle = options_.settle;
-    // A widget has no timer, and what fixtures do without signal is theirs.
-    info.max_time_to_dark = Duration::zero();
-    return info;
-  }
-
-  absl::StatusOr<std::vector<float>> Set(const std::vector<float>& levels) override {
-    if (widget_ == nullptr) RETURN_IF_ERROR(Connect());
-    absl::Status shown = widget_->Show(SlotsOf(options_.channels, levels));
-    if (!shown.ok()) {
-      widget_.reset();
-      if (IsDark(levels)) DarkenAnew();
-      return shown;
-    }
-    return Quantised(options_.channels, levels);
-  }
-
-  absl::Status Check() override {
-    absl::Status sending = widget_->Check();
-    if (!sending.ok()) widget_.reset();
-    return sending;
-  }
-
- private:
   std::vector<float> Dark() const {
     return std::vector<float>(options_.channels.first.size(), 0.0f);
   }
@@ -92,12 +94,13 @@ class DmxLink final : public LampsLink {
   // darkened all the same, if it can be done.
   void DarkenAnew() {
     if (absl::Status dark = Connect(); dark.ok()) {
-      spdlog::warn("dmx: the widget had failed; it is connected anew, its lamps are dark");
+      spdlog::warn("{}: the widget had failed; it is connected anew, its lamps are dark", name_);
     } else {
-      spdlog::error("dmx: the lamps could not be darkened: {}", MessageOf(dark));
+      spdlog::error("{}: could not be darkened: {}", name_, MessageOf(dark));
     }
   }
 
+  const std::string name_;
   const DmxOptions options_;
   Clock& clock_;
   const std::unique_ptr<UsbBus> bus_;
@@ -108,18 +111,15 @@ class DmxLink final : public LampsLink {
 
 }  // namespace
 
-std::unique_ptr<LampsLink> MakeDmxLink(const DmxOptions& options, Clock& clock,
+std::unique_ptr<LampsLink> MakeDmxLink(const DmxOptions& options, const DeviceContext& context,
                                        std::unique_ptr<UsbBus> bus) {
-  return std::make_unique<DmxLink>(options, clock, std::move(bus));
+  return std::make_unique<DmxLink>(options, context, std::move(bus));
 }
 
 absl::StatusOr<std::unique_ptr<Lamps>> OpenDmxLamps(const DmxOptions& options,
                                                     const DeviceContext& context,
                                                     std::unique_ptr<UsbBus> bus) {
-  absl::StatusOr<std::unique_ptr<Lamps>> lamps =
-      OpenLinkedLamps(context, "dmx", MakeDmxLink(options, *context.clock, std::move(bus)));
-  if (!lamps.ok()) return Annotate(lamps.status(), context.name);
-  return lamps;
+  return OpenLinkedLamps(context, "dmx", MakeDmxLink(options, context, std::move(bus)));
 }
 
 }  // namespace lightstage::dmx

@@ -10,8 +10,8 @@
 
 namespace lightstage::dmx {
 
-// For OpenDmxLamps, and for tests that look at it without the contract around it. `clock` outlives it.
-std::unique_ptr<LampsLink> MakeDmxLink(const DmxOptions& options, Clock& clock,
+// For OpenDmxLamps, and for tests that look at it without the contract around it. The context's clock outlives it.
+std::unique_ptr<LampsLink> MakeDmxLink(const DmxOptions& options, const DeviceContext& context,
                                        std::unique_ptr<UsbBus> bus);
 
 absl::StatusOr<std::unique_ptr<Lamps>> OpenDmxLamps(const DmxOptions& options,

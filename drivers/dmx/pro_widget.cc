@@ -96,7 +96,7 @@ class ProWidget final : public DmxWidget {
 
   absl::Status Send(std::span<const uint8_t> message) {
     absl::StatusOr<size_t> taken = port_->BulkOut(message, kPatience);
-    if (!taken.ok()) return Annotate(taken.status(), "message");
+    if (!taken.ok()) return Annotate(taken.status(), "sending a message");
     if (*taken == message.size()) return absl::OkStatus();
     return Error(
         absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT",

@@ -114,7 +114,8 @@ class LinkedAxis final : public Axis {
     double velocity_dps = 0;  // of a turn it has a sign
     std::shared_ptr<Operation<AxisState>> operation{};
     enum { kWaiting, kUnderWay, kSettling } stage = kWaiting;
-    Angle goal{};       // the target on the way that is taken
+    Angle goal{};  // the target on the way that is taken
+    bool reconnected = false;
     TimePoint since{};  // this stage began; of a turn: it was last seen to move
   };
 
@@ -225,13 +226,20 @@ class LinkedAxis final : public Axis {
   void GoOnFrom(const absl::Status& error) {
     FailStops(error);
     if (motion_ == nullptr) return;
+    // That the link was lost may only show now: homing connects anew in the next step, and begins again.
+    if (lost_ && motion_->kind == Motion::kHome && !std::exchange(motion_->reconnected, true)) {
+      motion_->stage = Motion::kWaiting;
+      return;
+    }
     // Homing is what clears a fault.
     const bool fault = ErrorReason(error) == "DEVICE_FAULT";
     if (fault && motion_->kind == Motion::kHome && motion_->stage == Motion::kWaiting) {
       return StartMotion({});
     }
-    Note(link_->Halt()).IgnoreError();
+    // Told first: to a drive that does not answer a halt takes its time.
+    const bool commanded = motion_->stage != Motion::kWaiting;
     End(error);
+    if (commanded) Note(link_->Halt()).IgnoreError();
   }
 
   void GoOn(const AxisReading& reading) {

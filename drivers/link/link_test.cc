@@ -246,8 +246,8 @@ TEST_F(LinkedAxisTest, AnErrorOnTheWayHaltsAndIsTold) {
   SleepFor(over_.clock(), milliseconds(20));
   FailNextRead(Fault(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT"));
   EXPECT_EQ(ErrorReason(done.Wait(kNever, "Move").status()), "DEVICE_SILENT");
-  EXPECT_GT(over_.drive.halts, 0);
   EXPECT_EQ(ErrorReason(Move(10)), "NOT_HOMED");
+  EXPECT_GT(over_.drive.halts, 0);
   EXPECT_TRUE(Home().ok());
   EXPECT_TRUE(Move(10).ok());
 }
@@ -259,6 +259,23 @@ TEST_F(LinkedAxisTest, AFaultIsClearedByHomingOnly) {
   FailNextRead(Fault(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT"));
   EXPECT_TRUE(Home().ok());
   EXPECT_TRUE(Move(20).ok());
+}
+
+// A node that is there again may be found to have been away only once it is asked.
+TEST_F(LinkedAxisTest, ALossThatShowsInHomingIsMendedByIt) {
+  ASSERT_TRUE(Home().ok());
+  ASSERT_TRUE(Move(60).ok());
+  const int connects = over_.drive.connects;
+  FailNextRead(Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST"));
+  EXPECT_TRUE(Home().ok());
+  EXPECT_EQ(over_.drive.connects, connects + 1);
+  EXPECT_TRUE(Move(60).ok());
+  Pending<AxisState> homing(over_.clock());
+  axis_->Home(In(seconds(20)), homing.sink());
+  SleepFor(over_.clock(), milliseconds(10));
+  FailNextRead(Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST"));
+  EXPECT_TRUE(homing.Wait(kNever, "Home").ok());
+  EXPECT_EQ(over_.drive.connects, connects + 2);
 }
 
 TEST_F(LinkedAxisTest, ALostLinkComesBackByHomingOnly) {

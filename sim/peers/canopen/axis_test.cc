@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "base/env.h"
+#include "drivers/conformance/unplug.h"
 #include "sim/peers/canopen/test_bench.h"
 
 namespace lightstage::sim {
@@ -175,6 +176,31 @@ TEST_F(CanopenAxisTest, ATurnEndsWhenNobodyCommandsItAnyMore) {
   bench_.wire().SetState(bench_.master(), canopen::CanState::kBusOff);
   EXPECT_TRUE(bench_.Becomes([&] { return !bench_.Truth().moving; }));
   EXPECT_EQ(bench_.drive().statusword() & 0x6F, 0x07) << "quick stop active";
+}
+
+// With the times that a rig file has if it says nothing.
+TEST_F(CanopenAxisTest, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
+  bench_.AddDrive();
+  absl::StatusOr<std::unique_ptr<Axis>> axis =
+      bench_.OpenAxis(std::string("interface = \"can0\"\n") + kTurntable);
+  ASSERT_TRUE(axis.ok()) << axis.status();
+  axis_ = *std::move(axis);
+  ASSERT_TRUE(Home().ok());
+  double target = 20;
+  for (bool interface : {false, true}) {
+    CheckUnplugging(bench_.clock(), "turntable",
+                    {.plug =
+                         [&](bool plugged) {
+                           if (interface) {
+                             bench_.wire().SetPresent(plugged);
+                             if (plugged) bench_.AddDrive();  // its end was unplugged as well
+                           } else {
+                             bench_.drive().node().SetSilent(!plugged);
+                           }
+                         },
+                     .use = [&] { return Move(target = 50 - target); },
+                     .recover = [&] { return Home(); }});
+  }
 }
 
 // Lifting the halt bit alone would let the drive go on to where it was going before.

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 
 #include "drivers/canopen/discovery.h"
+#include "drivers/conformance/unplug.h"
 #include "sim/peers/canopen/test_bench.h"
 
 namespace lightstage::sim {
@@ -45,6 +46,16 @@ TEST_F(CanopenLampsTest, TheModuleIsToldToGoDarkOnFailure) {
   EXPECT_EQ(bench_.outputs().node().Value(0x6200, 2), 0x01u) << "lamp 2: output 8";
   ASSERT_TRUE(lamps_->SetTimeToDark(milliseconds(700)).ok());
   EXPECT_EQ(bench_.outputs().node().Value(0x1016, 1), 0x007E02BCu) << "node 126, 700 ms";
+}
+
+TEST_F(CanopenLampsTest, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
+  Open({}, "", "interface = \"can0\"\n");
+  bool on = false;
+  const auto set = [&] { return Set((on = !on) ? kLit : kOne).status(); };
+  CheckUnplugging(bench_.clock(), "lamps",
+                  {.plug = [&](bool plugged) { bench_.outputs().node().SetSilent(!plugged); },
+                   .use = set,
+                   .recover = set});
 }
 
 TEST_F(CanopenLampsTest, AnalogueLevelsAreReported) {

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "drivers/conformance/fixtures.h"
+#include "drivers/conformance/unplug.h"
 #include "drivers/display/driver.h"
 #include "drivers/display/raster.h"
 #include "drivers/display/screen.h"
@@ -394,6 +395,22 @@ TEST(DisplayChanged, IsFoundAndNamesBothModes) {
     ASSERT_TRUE(rig.xvfb->Restore().ok());
     EXPECT_TRUE(rig.Show(**projector, Hat()).ok());
   }
+}
+
+TEST(DisplayLoss, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
+  Rig rig;
+  auto projector = rig.Open();
+  ASSERT_TRUE(projector.ok()) << projector.status();
+  bool full = false;
+  CheckUnplugging(rig.clock, "projector",
+                  {.plug =
+                       [&](bool plugged) {
+                         const absl::Status done =
+                             plugged ? rig.xvfb->Restore() : rig.xvfb->SwitchOff();
+                         EXPECT_TRUE(done.ok()) << done;
+                       },
+                   .use = [&] { return rig.Show(**projector, (full = !full) ? Full() : Hat()); },
+                   .recover = [&] { return rig.Show(**projector, Pattern{}); }});
 }
 
 TEST(DisplayLoss, AnOutputThatIsSwitchedOff) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "drivers/conformance/fixtures.h"
+#include "drivers/conformance/unplug.h"
 #include "drivers/dlpc350/driver.h"
 #include "drivers/dlpc350/link.h"
 #include "sim/peers/dlpc350/device.h"
@@ -304,7 +305,22 @@ INSTANTIATE_TEST_SUITE_P(
         NamedFault{"Silent", {.silent = true}, "DEVICE_SILENT", "was not answered"}),
     [](const auto& info) { return std::string(info.param.name); });
 
-TEST(Dlpc350, UnpluggedIsLostWithinASecondAndComesBack) {
+TEST(Dlpc350, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
+  Bench bench;
+  auto projector = bench.Open();
+  ASSERT_TRUE(projector.ok()) << projector.status();
+  bool full = false;
+  CheckUnplugging(bench.clock, "projector",
+                  {.plug =
+                       [&](bool plugged) {
+                         if (plugged) bench.device->PowerCycle(false);
+                         bench.device->Unplug(!plugged);
+                       },
+                   .use = [&] { return bench.Show(**projector, (full = !full) ? Full() : Row()); },
+                   .recover = [&] { return bench.Show(**projector, Pattern{}); }});
+}
+
+TEST(Dlpc350, UnpluggedIsLostAndComesBack) {
   Bench bench;
   auto projector = bench.Open();
   ASSERT_TRUE(projector.ok()) << projector.status();

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "drivers/conformance/fixtures.h"
+#include "drivers/conformance/unplug.h"
 #include "drivers/dmx/dmx_lamps.h"
 #include "sim/peers/dmx/dmx_pro.h"
 #include "sim/peers/dmx/open_dmx.h"
@@ -218,6 +219,17 @@ TEST_P(DmxTest, UnpluggedMidFrameIsLostAndComesBack) {
   EXPECT_EQ(desk_.device().handles(), 1);
 }
 
+TEST_P(DmxTest, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
+  OpenLamps();
+  bool all = false;
+  CheckUnplugging(
+      desk_.clock(), "lamps",
+      {.plug = [&](bool plugged) { plugged ? desk_.device().Plug() : desk_.device().Unplug(); },
+       .use = [&] { return Set((all = !all) ? kAll : kSome); },
+       .recover = [&] { return Dark(); }});
+  EXPECT_EQ(desk_.device().handles(), 1);
+}
+
 TEST_P(DmxTest, AfterALossDarkConnectsAnew) {
   OpenLamps();
   ASSERT_TRUE(Set(kAll).ok());
@@ -331,7 +343,8 @@ TEST_P(DmxTest, OpeningTellsWhatIsWrong) {
 
 // A stopped frame thread must never look like lit lamps.
 TEST_P(DmxTest, CheckTellsThatFramesHaveStopped) {
-  std::unique_ptr<LampsLink> link = dmx::MakeDmxLink(desk_.options(), desk_.clock(), desk_.Bus());
+  std::unique_ptr<LampsLink> link =
+      dmx::MakeDmxLink(desk_.options(), {"lamps", &desk_.clock(), nullptr}, desk_.Bus());
   ASSERT_TRUE(link->Connect().ok());
   ASSERT_TRUE(link->Set(kAll).ok());
   EXPECT_TRUE(link->Check().ok());
@@ -361,7 +374,8 @@ TEST(DmxProFaults, AnotherWidgetInItsPlaceIsRefused) {
   DmxOptions options{.widget = WidgetKind::kPro};
   options.device.address = "1-2";
   options.channels.first = {1, 2, 3};
-  std::unique_ptr<LampsLink> link = dmx::MakeDmxLink(options, clock, MakeSimUsbBus({widget}));
+  std::unique_ptr<LampsLink> link =
+      dmx::MakeDmxLink(options, {"lamps", &clock, nullptr}, MakeSimUsbBus({widget}));
   ASSERT_TRUE(link->Connect().ok());
   EXPECT_EQ(link->info().identity.serial, "00396804");
   widget->SetSerial(0x12345678);
@@ -373,7 +387,8 @@ TEST(DmxProFaults, AnotherWidgetInItsPlaceIsRefused) {
 
 // What a program that dies leaves on the line: README.md of the driver.
 TEST_P(DmxTest, WithoutTheDaemonAnOpenDmxIsSilentAndAProGoesOn) {
-  std::unique_ptr<LampsLink> link = dmx::MakeDmxLink(desk_.options(), desk_.clock(), desk_.Bus());
+  std::unique_ptr<LampsLink> link =
+      dmx::MakeDmxLink(desk_.options(), {"lamps", &desk_.clock(), nullptr}, desk_.Bus());
   ASSERT_TRUE(link->Connect().ok());
   ASSERT_TRUE(link->Set(kAll).ok());
   link.reset();

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "drivers/conformance/private_network.h"
+#include "drivers/conformance/unplug.h"
 #include "drivers/modbus/client.h"
 #include "sim/peers/modbus/test_bench.h"
 
@@ -359,6 +360,30 @@ TEST_F(DriveTest, ALostConnectionComesBackByHoming) {
     EXPECT_TRUE(Home().ok());
     EXPECT_TRUE(Move(20).ok());
     axis_.reset();
+  }
+}
+
+TEST_F(DriveTest, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
+  for (Wire wire : {Wire::kTcp, Wire::kRtu}) {
+    for (bool cable : {false, true}) {  // the cable alone: no connection breaks, but nobody answers
+      Start("generic", wire);
+      ASSERT_TRUE(Home().ok());
+      double target = 20;
+      CheckUnplugging(bench_.clock(), "turntable",
+                      {.plug =
+                           [&](bool plugged) {
+                             if (cable) {
+                               bench_.server().Inject(WireFault::kSilence, plugged ? 0 : 1000000);
+                             } else if (plugged) {
+                               EXPECT_EQ(bench_.server().Plug(), absl::OkStatus());
+                             } else {
+                               bench_.server().Unplug();
+                             }
+                           },
+                       .use = [&] { return Move(target = 50 - target); },
+                       .recover = [&] { return Home(); }});
+      axis_.reset();
+    }
   }
 }
 
