@@ -42,7 +42,7 @@ void CheckUnplugging(Clock& clock, const char* device, const Unplugging& unplugg
     const absl::Status used = unplugging.use();
     ASSERT_TRUE(used.ok()) << used;
   }
-  std::printf("%s unplugged: told after %.0f ms (best of %d)\n", device, Seconds(best) * 1e3,
+  std::printf("measured: %s unplugged: told after %.0f ms (best of %d)\n", device, Seconds(best) * 1e3,
               kTimes);
   EXPECT_LE(best, kAtMost);
   const TimePoint give_up = clock.Now() + kPatience;

@@ -2,6 +2,8 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <numeric>
 #include <random>
 #include <utility>
 
@@ -49,10 +51,16 @@ bool FaultPlan::Pass(Duration time) {
 void FaultPlan::Run() {
   std::mt19937_64 random(options_.seed);
   std::exponential_distribution<double> waits(1 / Seconds(options_.interval));
-  std::uniform_int_distribution<size_t> which(0, kinds_.size() - 1);
+  std::vector<size_t> order(kinds_.size());
+  std::iota(order.begin(), order.end(), 0);
+  size_t next = order.size();
   for (bool goes_on = Pass(options_.after); goes_on;) {
     if (!Pass(FromSeconds(waits(random)))) return;
-    const FaultKind& kind = kinds_[which(random)];
+    if (next == order.size()) {
+      std::shuffle(order.begin(), order.end(), random);
+      next = 0;
+    }
+    const FaultKind& kind = kinds_[order[next++]];
     spdlog::warn("{}: fault on purpose: {}", device_, kind.name);
     kind.make(true);
     goes_on = Pass(kind.lasts);

@@ -37,7 +37,8 @@ struct FaultKind {
 // One that happens at once and mends itself, or stays until the driver mends it.
 FaultKind Once(std::string name, std::function<void()> make);
 
-// Makes faults of these kinds, one at a time, while it lives: after exponentially distributed times, each kind as likely. Real time only.
+// Makes faults of these kinds, one at a time, while it lives: after exponentially distributed times, in random order, each kind once before any
+// comes again. Real time only.
 class FaultPlan {
  public:
   FaultPlan(std::string device, const FaultPlanOptions& options, std::vector<FaultKind> kinds);

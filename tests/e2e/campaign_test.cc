@@ -55,11 +55,13 @@ std::string Small() {
   return Replaced(WithoutNoise(SmallRig()), "format = \"RGB16\"", "format = \"BayerRG16\"");
 }
 
+// The axis by TCP, the lamps on a serial line.
 TEST(Campaign, ModbusAxisAndLamps) {
   Campaign(Small(),
            Faulty(ModbusTable(RealTime(Small())), "lamps",
                   "driver = \"sim-modbus\"\nkind = \"coils\"\ncount = 40\nsettle_ms = 2\n"
-                  "host = \"127.0.0.1\"\nport = 503\n"),
+                  "baud = 115200\nparity = \"none\"\nserial_port = \"" +
+                      testing::TempDir() + "lamps-" + std::to_string(getpid()) + "\"\n"),
            {"light-stage", "--azimuths", "2"}, Faults());
 }
 

@@ -10,10 +10,55 @@
 namespace lightstage {
 namespace {
 
-size_t Count(const std::string& text, const std::string& what) {
-  size_t count = 0;
-  for (size_t at = 0; (at = text.find(what, at)) != std::string::npos; ++at) ++count;
-  return count;
+// The faults that were made, "DEVICE: KIND", and how often each.
+std::map<std::string, size_t> FaultsIn(const std::string& log) {
+  constexpr std::string_view kMark = ": fault on purpose: ";
+  std::map<std::string, size_t> faults;
+  for (size_t at = 0; (at = log.find(kMark, at)) != std::string::npos; at += kMark.size()) {
+    const size_t device = log.rfind(' ', at) + 1, kind = at + kMark.size();
+    ++faults[log.substr(device, at - device) + ": " +
+             log.substr(kind, log.find('\n', kind) - kind)];
+  }
+  return faults;
+}
+
+size_t Sum(const std::map<std::string, size_t>& counts) {
+  size_t sum = 0;
+  for (const auto& [what, count] : counts) sum += count;
+  return sum;
+}
+
+// What is said to be lit; a lamp of which nobody knows has no number.
+std::string StillLit(const Json& state) {
+  for (const Json& lamp : state.value("lamps", Json::array())) {
+    if (lamp.contains("level") && lamp["level"].is_number() && lamp["level"] > 0)
+      return lamp.dump();
+  }
+  const Json pattern = state.value("pattern", Json());
+  if (!pattern.is_null() && pattern.value("arrangement", "") != "PATTERN_ARRANGEMENT_BLACK") {
+    return pattern.dump();
+  }
+  return "";
+}
+
+// A pause is dark, and its reason names a device that had a fault.
+void ExpectGoodPause(const Json& run, const Json& state, const std::string& log) {
+  const std::string message = run["reason"].value("message", "");
+  bool named = false;
+  for (const auto& [fault, count] : FaultsIn(log)) {
+    named |= message.find(fault.substr(0, fault.find(':'))) != std::string::npos;
+  }
+  EXPECT_TRUE(named) << "names no device that had a fault: " << run["reason"].dump();
+  EXPECT_EQ(StillLit(state), "") << "paused, but lit: " << run["reason"].dump();
+}
+
+void PrintCounts(const char* what, const std::map<std::string, size_t>& counts) {
+  std::printf("%s", what);
+  const char* separator = " ";
+  for (const auto& [name, count] : counts) {
+    std::printf("%s%zu %s", separator, count, name.c_str());
+    separator = ", ";
+  }
 }
 
 // Resets the rig and then does `command`, again and again: a fault may come in between. The last answer.
@@ -36,10 +81,10 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
   Daemon daemon(folder, faulty_rig);
   int runs = 0, images = 0, retakes = 0;
   double worst = 0;
-  std::map<std::string, int> pauses;  // by reason
+  std::map<std::string, size_t> pauses;  // by reason
   std::vector<std::string> capture = {"capture", "--detach"};
   capture.insert(capture.end(), plan.begin(), plan.end());
-  while (Count(daemon.log(), "fault on purpose") < faults) {
+  while (Sum(FaultsIn(daemon.log())) < faults) {
     const Answer started = AfterReset(daemon, capture);
     ASSERT_EQ(started.code, 0) << started.err;
     const std::string run = started.json()["run"]["name"];
@@ -52,12 +97,7 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
       ended = now["state"] == "RUN_STATE_SUCCEEDED";
       if (ended) break;
       ++pauses[now["reason"].value("reason", "")];
-      const std::string message = now["reason"].value("message", "");
-      bool named = false;
-      for (const char* device : {"camera", "turntable", "tilt", "lamps", "projector"}) {
-        named |= message.find(device) != std::string::npos;
-      }
-      EXPECT_TRUE(named) << "names no device: " << now["reason"].dump();
+      ExpectGoodPause(now, daemon.State(), daemon.log());
       const Answer resumed = AfterReset(daemon, {"runs", "resume", run});
       ASSERT_EQ(resumed.code, 0) << resumed.err;
     }
@@ -69,11 +109,12 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
     EXPECT_LE(same.worst, 1.0) << same.where << " of run " << runs;
     EXPECT_EQ(daemon.Ctl({"runs", "verify", run}).code, 0);
   }
-  const std::string log = daemon.log();
+  const std::map<std::string, size_t> made = FaultsIn(daemon.log());
   std::printf(
-      "%zu faults in %d runs: %d images, %d retakes, worst difference %.3f of a code; pauses:",
-      Count(log, "fault on purpose"), runs, images, retakes, worst);
-  for (const auto& [reason, count] : pauses) std::printf(" %d %s", count, reason.c_str());
+      "measured: %zu faults in %d runs: %d images, %d retakes, worst difference %.3f of a code;",
+      Sum(made), runs, images, retakes, worst);
+  PrintCounts(" pauses:", pauses);
+  PrintCounts("; faults:", made);
   std::printf("\n");
   EXPECT_EQ(daemon.Terminate(), 0);
 }
