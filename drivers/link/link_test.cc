@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "absl/functional/function_ref.h"
 #include "drivers/conformance/fixtures.h"
 #include "drivers/link/axis_link.h"
 #include "drivers/link/light_link.h"
@@ -472,6 +473,64 @@ struct ProjectorOnWall : ProjectorFixture {
 
 const bool kProjectors =
     RegisterProjectorConformance("Linked", [] { return std::make_unique<ProjectorOnWall>(); });
+
+// ---- A call on the wire that does not come back: whoever waits is told at the deadline all the same
+
+template <class State>
+void ExpectLate(Clock& clock, absl::FunctionRef<void(TimePoint deadline, Completion<State>)> call) {
+  const TimePoint deadline = clock.Now() + milliseconds(50);
+  Pending<State> done(clock);
+  call(deadline, done.sink());
+  const absl::Status late = done.Wait(clock.Now() + seconds(20), "the answer").status();
+  EXPECT_EQ(ErrorReason(late), "DEVICE_SILENT") << late;
+  EXPECT_GE(clock.Now(), deadline);
+}
+
+TEST(StuckLink, OfAnAxisIsToldAtTheDeadline) {
+  AxisOverDrive over(true);
+  auto axis = *over.Open();
+  MutexLock stuck(&over.drive.mutex);
+  ExpectLate<AxisState>(over.clock(), [&](TimePoint deadline, Completion<AxisState> done) {
+    axis->Home(deadline, std::move(done));
+  });
+  ExpectLate<AxisState>(over.clock(), [&](TimePoint deadline, Completion<AxisState> done) {
+    axis->Move(Degrees(10), 0, deadline, std::move(done));
+  });
+  ExpectLate<AxisState>(over.clock(), [&](TimePoint deadline, Completion<AxisState> done) {
+    axis->Read(deadline, std::move(done));
+  });
+  ExpectLate<AxisState>(over.clock(), [&](TimePoint deadline, Completion<AxisState> done) {
+    axis->Stop(deadline, std::move(done));
+  });
+}
+
+TEST(StuckLink, OfLampsIsToldAtTheDeadline) {
+  LampsOverLights over;
+  auto lamps = *over.Open();
+  MutexLock stuck(&over.lights.mutex);
+  ExpectLate<LampsState>(over.clock(), [&](TimePoint deadline, Completion<LampsState> done) {
+    lamps->Set({1, 1, 1, 1, 1}, deadline, std::move(done));
+  });
+  ExpectLate<LampsState>(over.clock(), [&](TimePoint deadline, Completion<LampsState> done) {
+    lamps->Dark(deadline, std::move(done));
+  });
+}
+
+TEST(StuckLink, OfAProjectorIsToldAtTheDeadline) {
+  ProjectorOnWall over;
+  auto projector = *over.Open();
+  MutexLock stuck(&over.wall.mutex);
+  Pattern full;
+  full.arrangement = PatternArrangement::kFull;
+  ExpectLate<ProjectorState>(over.clock(),
+                             [&](TimePoint deadline, Completion<ProjectorState> done) {
+                               projector->Show(full, deadline, std::move(done));
+                             });
+  ExpectLate<ProjectorState>(over.clock(),
+                             [&](TimePoint deadline, Completion<ProjectorState> done) {
+                               projector->Black(deadline, std::move(done));
+                             });
+}
 
 }  // namespace
 }  // namespace lightstage

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
+#include <vector>
 
 #include "dataset/basis_exr.h"
 #include "gtest/gtest.h"
@@ -74,6 +76,29 @@ BasisComparison CompareBasis(const std::filesystem::path& a, const std::filesyst
   return result;
 }
 
+namespace {
+
+// How long the light of each shot had been right when its first exposure began: never the other way round.
+void PrintSkew(const std::filesystem::path& run) {
+  std::ifstream file(run / "manifest.json");
+  const Json manifest = Json::parse(file, nullptr, false);
+  ASSERT_TRUE(manifest.is_object()) << run;
+  std::vector<double> skews;
+  for (const Json& shot : manifest["shots"]) {
+    const int64_t lit = shot.value("lit_at_ns", int64_t{0});
+    const int64_t start = shot["exposures"][0]["start_ns"];
+    EXPECT_GT(lit, 0) << shot.dump();
+    EXPECT_LE(lit, start) << "exposed before the light was right: " << shot.dump();
+    skews.push_back(static_cast<double>(start - lit) * 1e-6);
+  }
+  ASSERT_FALSE(skews.empty());
+  std::sort(skews.begin(), skews.end());
+  std::printf("measured: exposures begin %.2f ms after their light (median; at most %.2f ms)\n",
+              skews[skews.size() / 2], skews.back());
+}
+
+}  // namespace
+
 void ExpectSame(const TestFolder& folder, const std::string& direct_rig,
                 const std::string& wire_rig, const std::vector<std::string>& plan, int images,
                 double exposure_s) {
@@ -83,7 +108,8 @@ void ExpectSame(const TestFolder& folder, const std::string& direct_rig,
   const BasisComparison same = CompareBasis(direct, wire.RunFolder(run), 12, exposure_s);
   EXPECT_EQ(same.images, images);
   EXPECT_LE(same.worst, 1.0) << same.where;
-  std::printf("%d images, worst difference %.3f of what one code is worth\n", same.images,
+  PrintSkew(wire.RunFolder(run));
+  std::printf("measured: %d images, worst difference %.3f of what one code is worth\n", same.images,
               same.worst);
 }
 

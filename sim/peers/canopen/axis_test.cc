@@ -178,6 +178,16 @@ TEST_F(CanopenAxisTest, ATurnEndsWhenNobodyCommandsItAnyMore) {
   EXPECT_EQ(bench_.drive().statusword() & 0x6F, 0x07) << "quick stop active";
 }
 
+TEST_F(CanopenAxisTest, StopsByQuickStopIfItIsToldTo) {
+  Open({}, "stop = \"quick-stop\"\n");
+  ASSERT_TRUE(Home().ok());
+  auto moving = Start(170, 30);
+  ASSERT_TRUE(BecomesMoving());
+  ASSERT_TRUE(Stop().ok());
+  EXPECT_EQ(bench_.drive().statusword() & 0x6F, 0x07) << "quick stop active";
+  EXPECT_TRUE(Move(20).ok()) << "enabled anew";
+}
+
 // With the times that a rig file has if it says nothing.
 TEST_F(CanopenAxisTest, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
   bench_.AddDrive();
