@@ -119,8 +119,7 @@ std::string SimGige(const std::string& format, const std::string& exposures_us) 
 }
 
 std::string SimGigeOptions(int packet_size) {
-  // A busy machine must not make the camera seem lost.
-  return "address = \"127.0.0.1\"\ngain_db_per_step = 1.0\nlost_after_ms = 10000\npacket_size = " +
+  return "address = \"127.0.0.1\"\ngain_db_per_step = 1.0\npacket_size = " +
          std::to_string(packet_size) + "\n";
 }
 

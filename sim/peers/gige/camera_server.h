@@ -33,6 +33,8 @@ class GigeCameraServer {
  public:
   // The camera does not answer while it exposes, and a client gives up control after 5 s without an answer.
   static constexpr Duration kMaxExposure = std::chrono::seconds(2);
+  // Nor while it makes the picture, on a machine that has other things to do.
+  static constexpr Duration kLongestSilence = std::chrono::seconds(10);
 
   // The world must be on real time. UNAVAILABLE / PEER_NOT_STARTED if the port is taken or no interface has the address.
   static absl::StatusOr<std::unique_ptr<GigeCameraServer>> Start(const GigeCameraOptions& options,

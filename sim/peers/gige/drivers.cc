@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "drivers/aravis/driver.h"
+#include "drivers/aravis/aravis_camera.h"
 #include "sim/peers/gige/camera_server.h"
 #include "sim/rig/fault_plan.h"
 #include "sim/rig/served.h"
@@ -69,8 +69,9 @@ void RegisterGigePeer(DriverRegistry& registry, const std::shared_ptr<Simulation
   registry.cameras["sim-gige"].parse =
       [simulation](const TomlTable& table) -> DeviceOpener<Camera> {
     GigeCameraOptions options = ParsePeer(table);
-    return [simulation, options, plan = ParseFaultPlan(table.Table("peer")),
-            connect = AravisDriver().parse(table)](
+    AravisOptions driver = ParseAravisOptions(table);
+    if (!table.Has("lost_after_ms")) driver.lost_after = GigeCameraServer::kLongestSilence;
+    return [simulation, options, plan = ParseFaultPlan(table.Table("peer")), driver](
                const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Camera>> {
       ASSIGN_OR_RETURN(std::shared_ptr<World> world,
                        simulation->OpenWorld(*context.geometry, *context.clock));
@@ -79,7 +80,7 @@ void RegisterGigePeer(DriverRegistry& registry, const std::shared_ptr<Simulation
       }
       auto served = std::make_shared<Served>();
       ASSIGN_OR_RETURN(served->server, GigeCameraServer::Start(options, world));
-      ASSIGN_OR_RETURN(std::unique_ptr<Camera> camera, connect(context));
+      ASSIGN_OR_RETURN(std::unique_ptr<Camera> camera, AravisCamera::Open(driver, context));
       served->faults =
           std::make_unique<FaultPlan>(context.name, plan, FaultsOf(served->server, options, world));
       return std::make_unique<ServedCamera>(std::move(served), std::move(camera), "sim-gige");

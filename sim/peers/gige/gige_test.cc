@@ -44,8 +44,7 @@ class Rig {
     ASSIGN_OR_RETURN(TomlDocument document,
                      TomlDocument::Parse("[simulation]\nsamples = 1\n" + simulation_keys +
                                              "[camera]\naddress = \"127.0.0.1\"\n"
-                                             "packet_size = 7000\nframe_retention_ms = 100\n"
-                                             "lost_after_ms = 10000\n" +
+                                             "packet_size = 7000\nframe_retention_ms = 100\n" +
                                              camera_keys +
                                              "[camera.peer]\nsensor_width = 64\n"
                                              "sensor_height = 48\n" +
