@@ -50,6 +50,9 @@ absl::StatusOr<std::unique_ptr<AravisLink>> AravisCamera::Connect() {
   events.buffer_done = [this](uint64_t session) {
     thread_.Post([this, session] { OnBuffer(session); });
   };
+  events.exposure_ended = [this](TimePoint time) {
+    thread_.Post([this, time] { OnExposureEnded(time); });
+  };
   events.lost = [this](const std::string& why) { OnLost(why); };
   return AravisLink::Open(options_, name_, clock_, std::move(events));
 }
@@ -178,6 +181,7 @@ void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
   if (shot->finished()) return;  // too late, or disarmed meanwhile
   shot->used_exposure = *used;
   active_ = shot;
+  told_end_.reset();
   shot->sent = clock_.Now();
   if (absl::Status status = link_->Trigger(); !status.ok()) {
     shot->Fail(status);  // stays active: the camera may have got it
@@ -198,6 +202,13 @@ void AravisCamera::OnFirstPacket(uint64_t session, TimePoint time) {
   if (!streaming_ || session != link_->session()) return;
   // A stray frame's packets are sorted out when the frame is taken.
   if (active_ && CanBeOver(*active_, time)) active_->EndExposure(time);
+}
+
+void AravisCamera::OnExposureEnded(TimePoint time) {
+  // An earlier one's event that was sent again comes while this one is exposed.
+  if (!streaming_ || !active_ || !CanBeOver(*active_, time) || told_end_.has_value()) return;
+  told_end_ = time;
+  active_->EndExposure(time);
 }
 
 // Some cameras send the head of a frame when they begin to expose it: that says nothing of the end.
@@ -230,7 +241,8 @@ void AravisCamera::FinishActive(AravisLink::Taken taken) {
   absl::StatusOr<Frame> frame = std::move(taken.frame);
   if (frame.ok()) {
     last_sequence_ = frame->sequence += sequence_base_;
-    const TimePoint over = CanBeOver(*shot, taken.first_packet) ? taken.first_packet : clock_.Now();
+    const TimePoint over = told_end_.value_or(
+        CanBeOver(*shot, taken.first_packet) ? taken.first_packet : clock_.Now());
     // By software: triggered between sent and acknowledged. A line has its own time.
     const TimePoint start = shot->sent + (shot->acknowledged - shot->sent) / 2;
     frame->exposure_end =

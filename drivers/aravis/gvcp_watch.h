@@ -1,35 +1,15 @@
 // Whether a GigE Vision camera is still there. libaravis notices that one does not answer after up to 6 s; this asks more often, on a socket
-// of its own: every GigE Vision device answers whoever reads a register (GigE Vision 2.0, 16: READREG_CMD).
+// of its own: every GigE Vision device answers whoever reads a register.
 #pragma once
 
-#include <netinet/in.h>
-
-#include <array>
-#include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <memory>
-#include <optional>
-#include <span>
 #include <string>
 #include <thread>
 
-#include "absl/status/statusor.h"
-#include "base/clock.h"
+#include "drivers/aravis/gvcp.h"
 
 namespace lightstage {
-
-// Where GigE Vision devices listen.
-constexpr uint16_t kGvcpPort = 3956;
-
-// GVCP on the wire, big-endian: a question for one register, and the value in its answer; nothing if that is no answer to question `id`.
-// A refusal is an answer without a value: 0 is returned for it with `refused`.
-std::array<std::byte, 12> EncodeReadRegister(uint16_t id, uint32_t address);
-struct GvcpAnswer {
-  bool refused = false;
-  uint32_t value = 0;
-};
-std::optional<GvcpAnswer> DecodeReadRegister(std::span<const std::byte> packet, uint16_t id);
 
 class GvcpWatch {
  public:
@@ -42,13 +22,13 @@ class GvcpWatch {
   ~GvcpWatch();
 
  private:
-  GvcpWatch(int socket, int stop, Duration patience, std::function<void(const std::string&)> lost);
+  GvcpWatch(GvcpSocket socket, Duration patience, std::function<void(const std::string&)> lost);
   void Watch();
-  // Sends a question and waits for its answer, at most for `patience`; nothing if the watch ends.
   enum class Heard { kNothing, kControlled, kUncontrolled, kEnd };
+  // Sends a question and hears what comes within `patience`.
   Heard Ask(uint16_t id, Duration patience) const;
 
-  const int socket_, stop_;
+  const GvcpSocket socket_;
   const Duration patience_;
   const std::function<void(const std::string&)> lost_;
   std::thread thread_;

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "drivers/aravis/glib.h"
+#include "drivers/aravis/gvcp_events.h"
 #include "drivers/aravis/gvcp_watch.h"
 
 namespace lightstage {
@@ -84,6 +85,7 @@ AravisLink::AravisLink(const AravisOptions& options, std::string name, Clock& cl
 
 AravisLink::~AravisLink() {
   watch_.reset();
+  event_channel_.reset();
   StopStream();
   if (!camera_) return;
   g_clear_object(&chunks_);

@@ -2,6 +2,8 @@
 // libaravis' own threads. Errors: DEADLINE_EXCEEDED / DEVICE_SILENT, UNAVAILABLE / DEVICE_LOST, INTERNAL / DEVICE_FAULT.
 #pragma once
 
+#include <netinet/in.h>
+
 #include <atomic>
 #include <cstdint>
 #include <deque>
@@ -25,6 +27,7 @@ struct _GError;
 
 namespace lightstage {
 
+class GvcpEventChannel;
 class GvcpWatch;
 class LastReference;
 
@@ -37,6 +40,7 @@ class AravisLink {
   struct Events {
     std::function<void(uint64_t session, TimePoint)> first_packet;  // of a frame
     std::function<void(uint64_t session)> buffer_done;              // TakeBuffer() has something
+    std::function<void(TimePoint)> exposure_ended;  // of cameras that tell it; arrival of the event
     std::function<void(const std::string& why)> lost;
   };
 
@@ -93,6 +97,10 @@ class AravisLink {
   absl::Status Prepare();
   absl::Status PrepareLines();
   absl::Status PrepareChunks();
+  absl::Status PrepareEvents();
+  absl::Status WriteRegister(uint32_t address, uint32_t value);
+  // Of a GigE camera.
+  absl::StatusOr<sockaddr_in> Address();
   absl::Status ReadChunks(ArvBuffer* buffer, Frame& frame);
   absl::Status CreateStream();
   absl::Status TurnTriggerOn();
@@ -111,9 +119,10 @@ class AravisLink {
   ArvCamera* camera_ = nullptr;
   std::unique_ptr<LastReference> last_reference_;  // of its device
   unsigned long lost_handler_ = 0;
-  std::unique_ptr<GvcpWatch> watch_;    // of a GigE camera
-  std::atomic<bool> answers_{true};     // else it is no use asking the camera anything
-  std::atomic<bool> reporting_{false};  // events are wanted
+  std::unique_ptr<GvcpWatch> watch_;                 // of a GigE camera
+  std::unique_ptr<GvcpEventChannel> event_channel_;  // of one that tells the ends of its exposures
+  std::atomic<bool> answers_{true};                  // else it is no use asking the camera anything
+  std::atomic<bool> reporting_{false};               // events are wanted
   AravisCapabilities capabilities_;
   ArvChunkParser* chunks_ = nullptr;  // if frames are to say something of themselves
   bool exposure_chunk_ = false, gain_chunk_ = false;  // and what

@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "drivers/aravis/glib.h"
+#include "drivers/aravis/gvcp_events.h"
 #include "drivers/aravis/gvcp_watch.h"
 #include "drivers/aravis/link.h"
 
@@ -19,6 +20,7 @@ absl::StatusOr<std::unique_ptr<AravisLink>> AravisLink::Open(const AravisOptions
   RETURN_IF_ERROR(link->Prepare());
   RETURN_IF_ERROR(link->ReadCapabilities());
   RETURN_IF_ERROR(link->PrepareChunks());
+  RETURN_IF_ERROR(link->PrepareEvents());
   return link;
 }
 
@@ -96,7 +98,7 @@ absl::Status AravisLink::Connect() {
   return arv_camera_is_gv_device(camera_) ? WatchGigE() : absl::OkStatus();
 }
 
-absl::Status AravisLink::WatchGigE() {
+absl::StatusOr<sockaddr_in> AravisLink::Address() {
   GSocketAddress* of_camera =
       arv_gv_device_get_device_address(ARV_GV_DEVICE(arv_camera_get_device(camera_)));
   sockaddr_in address{};
@@ -105,6 +107,11 @@ absl::Status AravisLink::WatchGigE() {
     return Check(error.get(), "asking for the camera's address");
   }
   address.sin_port = htons(kGvcpPort);
+  return address;
+}
+
+absl::Status AravisLink::WatchGigE() {
+  ASSIGN_OR_RETURN(const sockaddr_in address, Address());
   ASSIGN_OR_RETURN(watch_,
                    GvcpWatch::Start(address, options_.lost_after, [this](const std::string& why) {
                      answers_ = false;
@@ -187,7 +194,50 @@ absl::Status AravisLink::PrepareChunks() {
   return absl::OkStatus();
 }
 
-// Puts into `frame` what it says of itself.
+absl::Status AravisLink::WriteRegister(uint32_t address, uint32_t value) {
+  GErrorSlot error;
+  arv_device_write_register(arv_camera_get_device(camera_), address, value, error.out());
+  return Check(error.get(), absl::StrFormat("writing the register %04Xh", address));
+}
+
+// A GigE camera that can shall say when its exposures are over.
+absl::Status AravisLink::PrepareEvents() {
+  constexpr uint32_t kTimeoutMs = 100, kRetries = 3;
+  constexpr char kEvent[] = "ExposureEnd";
+  if (!options_.exposure_end_event || !arv_camera_is_gv_device(camera_)) return absl::OkStatus();
+  const std::vector<std::string> selectors = Choices("EventSelector");
+  if (std::find(selectors.begin(), selectors.end(), kEvent) == selectors.end()) {
+    return absl::OkStatus();
+  }
+  GErrorSlot error;
+  guint32 channels = 0;
+  arv_device_read_register(arv_camera_get_device(camera_), kGvcpMessageChannels, &channels,
+                           error.out());
+  RETURN_IF_ERROR(Check(error.get(), "reading the number of message channels"));
+  if (channels == 0) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const sockaddr_in camera, Address());
+  // No other event is asked for, but a camera may have been left sending some; SFNC gives the id by this name.
+  std::optional<uint16_t> id;
+  if (arv_camera_is_feature_available(camera_, "EventExposureEnd", nullptr)) {
+    id = static_cast<uint16_t>(arv_camera_get_integer(camera_, "EventExposureEnd", error.out()));
+    RETURN_IF_ERROR(Check(error.get(), "reading EventExposureEnd"));
+  }
+  ASSIGN_OR_RETURN(event_channel_,
+                   GvcpEventChannel::Open(camera, clock_, [this, id](uint16_t told, TimePoint at) {
+                     if (reporting_ && (!id.has_value() || told == *id)) events_.exposure_ended(at);
+                   }));
+  const sockaddr_in own = event_channel_->address();
+  RETURN_IF_ERROR(WriteRegister(kGvcpMessageAddress, ntohl(own.sin_addr.s_addr)));
+  RETURN_IF_ERROR(WriteRegister(kGvcpMessageTimeoutMs, kTimeoutMs));
+  RETURN_IF_ERROR(WriteRegister(kGvcpMessageRetries, kRetries));
+  RETURN_IF_ERROR(WriteRegister(kGvcpMessagePort, ntohs(own.sin_port)));
+  RETURN_IF_ERROR(Choose("EventSelector", kEvent, "exposure_end_event"));
+  // SFNC before 1.3 named what turns it on after the transport.
+  const std::vector<std::string> switches = Choices("EventNotification");
+  const bool old = std::find(switches.begin(), switches.end(), "On") == switches.end();
+  return Choose("EventNotification", old ? "GigEVisionEvent" : "On", "exposure_end_event");
+}
+
 std::vector<std::string> AravisLink::Choices(const char* feature) const {
   guint count = 0;
   const char** names =

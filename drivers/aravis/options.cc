@@ -67,6 +67,7 @@ AravisOptions ParseAravisOptions(const TomlTable& table) {
   }
   ParseLines(table, options);
   options.chunk_data = table.Bool("chunk_data", true);
+  options.exposure_end_event = table.Bool("exposure_end_event", true);
   options.gain_db_per_step = table.Double("gain_db_per_step", 0, 10, 0.0);
   options.readout = table.Time("readout_ms", 0, 10000, 0.0);
   return options;

@@ -27,8 +27,9 @@ struct AravisOptions {
   std::string trigger_source = "Software";  // or a line's name
   std::string trigger_activation;  // "RisingEdge" or "FallingEdge" of a line; empty: software
   std::string
-      exposure_active_line;  // this line puts out when the sensor gathers light; empty: none
-  bool chunk_data = true;    // of cameras that have it
+      exposure_active_line;        // this line puts out when the sensor gathers light; empty: none
+  bool chunk_data = true;          // of cameras that have it
+  bool exposure_end_event = true;  // of GigE cameras that have it
   double gain_db_per_step =
       0;               // of cameras with a raw gain only; 0: unknown, gain stays at its lowest
   Duration readout{};  // from exposure end until it can expose again; for plans' estimates

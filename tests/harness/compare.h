@@ -34,7 +34,8 @@ void ExpectSame(const TestFolder& folder, const std::string& direct_rig,
 // Rig keys of a GigE Vision camera as large as SmallRig's: [camera], [camera.options] and its peer's.
 std::string SimGige(const std::string& format, const std::string& exposures_us);
 std::string SimGigeOptions(int packet_size);
-constexpr char kSimGigePeer[] = "sensor_width = 64\nsensor_height = 48\nbits = 12\n";
+constexpr char kSimGigePeer[] =
+    "sensor_width = 64\nsensor_height = 48\nbits = 12\nexposure_events = true\n";
 
 // Rig keys of a projector on a display that no other test has.
 std::string SimDisplay();

@@ -34,6 +34,9 @@ constexpr guint32 kHeartbeatTimeoutMs = 30000;
 // More of them: the stream's destination and packet size.
 constexpr guint32 kStreamPortRegister = 0x0d00, kPacketSizeRegister = 0x0d04,
                   kStreamAddressRegister = 0x0d18;
+// And the message channel's: how many there are, and where the client wants its events.
+constexpr guint32 kMessageChannelsRegister = 0x0900, kMessagePortRegister = 0x0b00,
+                  kMessageAddressRegister = 0x0b10;
 constexpr size_t kPacketOverhead = 20 + 8 + 8;  // headers of IP, UDP and GVSP
 
 constexpr int kControlPort = 3956;
@@ -139,9 +142,14 @@ absl::StatusOr<std::unique_ptr<GigeCameraServer>> GigeCameraServer::Start(
                    {ARV_FAKE_CAMERA_REGISTER_HEIGHT, static_cast<guint32>(options.height)},
                    {ARV_FAKE_CAMERA_REGISTER_TRIGGER_SOURCE, 1},
                    {kTriggerSourceRegister, 1},
-                   {kHeartbeatTimeoutRegister, kHeartbeatTimeoutMs}};
+                   {kHeartbeatTimeoutRegister, kHeartbeatTimeoutMs},
+                   {kMessageChannelsRegister, options.exposure_events ? 1u : 0u}};
   for (const auto& r : registers) arv_fake_camera_write_register(fake, r.address, r.value);
   if (options.chunk_data) RETURN_IF_ERROR(server->StartRelay());
+  if (options.exposure_events) {
+    server->events_socket_ = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (server->events_socket_ < 0) return ErrnoError(errno, "opening a socket for", "events");
+  }
   arv_fake_camera_set_trigger_frequency(fake, kTriggerHz);
   auto fill =
       +[](ArvBuffer* buffer, void* self, guint32 exposure_us, guint32 gain, ArvPixelFormat code) {
@@ -239,12 +247,59 @@ GigeCameraServer::~GigeCameraServer() {
   world_->clock().Notify();
   relay_.reset();                        // it looks into the camera
   if (camera_) g_object_unref(camera_);  // joins its thread
+  if (events_socket_ >= 0) close(events_socket_);
+}
+
+// EVENT_CMD, and once more if the client does not acknowledge it soon, as GigE Vision wants it.
+void GigeCameraServer::TellExposureEnd() {
+  constexpr int kAcknowledgeMs = 100;
+  ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
+  guint32 on = 0, port = 0, address = 0;
+  arv_fake_camera_read_register(fake, kEventNotificationRegister, &on);
+  arv_fake_camera_read_register(fake, kMessagePortRegister, &port);
+  arv_fake_camera_read_register(fake, kMessageAddressRegister, &address);
+  if (events_socket_ < 0 || on == 0 || (port & 0xffff) == 0) return;
+  sockaddr_in client = {};
+  client.sin_family = AF_INET;
+  client.sin_port = htons(static_cast<uint16_t>(port));
+  client.sin_addr.s_addr = htonl(address);
+  if (++events_told_ == 0) ++events_told_;
+  const auto high = static_cast<uint8_t>(events_told_ >> 8),
+             low = static_cast<uint8_t>(events_told_);
+  const uint8_t event[24] = {0x42,
+                             0x01,
+                             0x00,
+                             0xc0,
+                             0,
+                             16,
+                             high,
+                             low,
+                             0,
+                             0,
+                             kExposureEndEvent >> 8,
+                             kExposureEndEvent & 0xff};
+  for (int i = 0; i < 2; ++i) {
+    sendto(events_socket_, event, sizeof event, 0, reinterpret_cast<sockaddr*>(&client),
+           sizeof client);
+    pollfd answer = {events_socket_, POLLIN, 0};
+    uint8_t packet[64];
+    if (poll(&answer, 1, kAcknowledgeMs) <= 0) continue;
+    if (recv(events_socket_, packet, sizeof packet, 0) == 8 && packet[3] == 0xc1 &&
+        packet[6] == high && packet[7] == low) {
+      ++events_acknowledged_;
+      return;
+    }
+  }
 }
 
 void GigeCameraServer::Expose(ArvBuffer* buffer, Duration exposure, double gain_db, uint32_t code) {
   Clock& clock = world_->clock();
   TimePoint start = clock.Now();
   clock.WaitUntil(start + exposure, [this] { return stopping_.load(); });
+  if (stopping_) return;
+  TellExposureEnd();
+  const TimePoint read_out = clock.Now() + readout_.load();
+  clock.WaitUntil(read_out, [this] { return stopping_.load(); });
   if (stopping_) return;
   exposure_us_ = Seconds(exposure) * 1e6;
   gain_db_ = gain_db;

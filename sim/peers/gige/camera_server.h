@@ -26,6 +26,8 @@ struct GigeCameraOptions {
   // How the deep Mono and Bayer formats lie in memory: "" in 16 bits, "p" the lowest bit first without a gap, "Packed" as GigE Vision
   // has it (2 samples in 3 bytes). Not with 16 bits.
   std::string packing;
+  bool exposure_events =
+      false;                // tells the end of each exposure on its message channel, if it is to
   bool chunk_data = false;  // can say with a frame how it was exposed; has its gain in dB then
 };
 
@@ -48,8 +50,12 @@ class GigeCameraServer {
 
   // What frames say of their exposure is so many times the truth. Any thread.
   void Misreport(double factor) { misreport_ = factor; }
+  // From the end of an exposure until its frame is sent. Any thread.
+  void SetReadout(Duration readout) { readout_ = readout; }
   // An edge on Line1: triggers, if the client has chosen it as source. Any thread.
   void PulseLine();
+  // Ends of exposures that the client has acknowledged. Any thread.
+  int events_acknowledged() const { return events_acknowledged_; }
   // Whether Line2 puts out that the sensor gathers light.
   bool ShowsExposure() const;
 
@@ -61,12 +67,17 @@ class GigeCameraServer {
   absl::Status StartRelay();
   ChunkRelay::Frame RelayedFrame() const;
   bool TendStream(uint16_t port);
+  void TellExposureEnd();
   void Expose(ArvBuffer* buffer, Duration exposure, double gain_db, uint32_t code);
 
   const GigeCameraOptions options_;
   const std::shared_ptr<World> world_;  // shared with the rig's simulated devices
   std::atomic<bool> stopping_{false};
   std::atomic<double> misreport_{1};
+  std::atomic<Duration> readout_{Duration::zero()};
+  int events_socket_ = -1;
+  uint16_t events_told_ = 0;  // the camera's thread only
+  std::atomic<int> events_acknowledged_{0};
   std::atomic<double> exposure_us_{0}, gain_db_{0};  // of the last frame
   ArvGvFakeCamera* camera_ = nullptr;
   std::unique_ptr<ChunkRelay> relay_;

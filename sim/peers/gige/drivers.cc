@@ -29,6 +29,7 @@ GigeCameraOptions ParsePeer(const TomlTable& table) {
   if (options.bits == 16 && !options.packing.empty()) {
     peer.ErrorAt("packing", "16 bits are not packed: needs bits = 10 or 12");
   }
+  options.exposure_events = peer.Bool("exposure_events", false);
   options.chunk_data = peer.Bool("chunk_data", false);
   return options;
 }

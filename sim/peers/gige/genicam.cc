@@ -104,6 +104,16 @@ std::string Chunks() {
       Register("Stop", kStopRegister));
 }
 
+std::string Events() {
+  return absl::StrCat(
+      Enumeration("EventSelector", {"ExposureEnd"}, "EventSelectorRegister"),
+      Register("EventSelectorRegister", kEventSelectorRegister),
+      Enumeration("EventNotification", {"Off", "On"}, "EventNotificationRegister"),
+      Register("EventNotificationRegister", kEventNotificationRegister),
+      absl::StrFormat("<Integer Name=\"EventExposureEnd\"><Value>%d</Value></Integer>\n",
+                      kExposureEndEvent));
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> AdaptGenicam(std::string xml, const GigeCameraOptions& options) {
@@ -145,6 +155,7 @@ absl::StatusOr<std::string> AdaptGenicam(std::string xml, const GigeCameraOption
   xml.insert(xml.find(activation),
              "<EnumEntry Name=\"FallingEdge\"><Value>1</Value></EnumEntry>\n");
   xml.insert(xml.find("<!-- Analog control -->"), Lines());
+  if (options.exposure_events) xml.insert(xml.find("<!-- Analog control -->"), Events());
   if (options.chunk_data) {
     xml.insert(xml.find("<!-- Analog control -->"), Chunks());
     if (absl::StrReplaceAll({{"<pValue>AcquisitionCommandRegister</pValue>\n\t\t<CommandValue>1<",

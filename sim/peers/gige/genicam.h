@@ -22,6 +22,10 @@ constexpr uint32_t kChunkEnableRegister = 0x4070;  // ExposureTime, 16 bytes fur
 constexpr uint32_t kClientPortRegister = 0x4090;
 constexpr uint32_t kClientAddressRegister = 0x4094;
 constexpr uint32_t kStartRegister = 0x4098, kStopRegister = 0x409c;  // of the acquisition
+// Of cameras that tell the ends of exposures.
+constexpr uint32_t kEventSelectorRegister = 0x40a0, kEventNotificationRegister = 0x40a4;  // 1: on
+constexpr uint16_t kExposureEndEvent = 0x9003;
+
 constexpr uint32_t kExposureChunk = 0x101, kGainChunk = 0x102;  // ids: a big-endian double each
 
 // INTERNAL / PEER_XML if `xml` does not look like Aravis 0.8's.

@@ -274,8 +274,8 @@ TEST(SimGige, ExposureSeesLightGoOut) {
 
 class Wired {
  public:
-  absl::Status Open(const std::string& camera_keys, bool chunk_data = false,
-                    int packet_size = 7000) {
+  absl::Status Open(const std::string& camera_keys, bool chunk_data = false, int packet_size = 7000,
+                    bool exposure_events = false) {
     simulation_ = RegisterSimulatedDrivers(registry_);
     ASSIGN_OR_RETURN(
         TomlDocument document,
@@ -292,6 +292,7 @@ class Wired {
     options.width = kWidth;
     options.height = kHeight;
     options.chunk_data = chunk_data;
+    options.exposure_events = exposure_events;
     ASSIGN_OR_RETURN(server_, GigeCameraServer::Start(options, world));
     ASSIGN_OR_RETURN(camera_, open({"camera", &clock_, &geometry_}));
     return absl::OkStatus();
@@ -320,6 +321,22 @@ class Wired {
       server_->PulseLine();
     }
     return frame.Wait(In(patience + seconds(30)), "the frame");
+  }
+  struct Apart {
+    TimePoint triggered, ended_at, ended_came, frame_came;
+    absl::StatusOr<Frame> frame;
+  };
+  Apart TakeApart(Duration exposure) {
+    Pending<ExposureEnd> ended(clock_);
+    Pending<Frame> frame(clock_);
+    Apart apart{.triggered = clock_.Now(), .frame = absl::UnknownError("not taken")};
+    camera_->Trigger(exposure, In(seconds(20)), ended.sink(), frame.sink());
+    const absl::StatusOr<ExposureEnd> end = ended.Wait(In(seconds(30)), "exposure_ended");
+    apart.ended_came = clock_.Now();
+    if (end.ok()) apart.ended_at = end->time;
+    apart.frame = frame.Wait(In(seconds(30)), "the frame");
+    apart.frame_came = clock_.Now();
+    return apart;
   }
   TimePoint In(Duration time) { return clock_.Now() + time; }
   Clock& clock() { return clock_; }
@@ -359,6 +376,37 @@ TEST(SimGigeLines, ALinePutsOutTheExposure) {
   absl::Status opened = wired.Open("exposure_active_line = \"Line2\"\n");
   ASSERT_TRUE(opened.ok()) << opened;
   EXPECT_TRUE(wired.server().ShowsExposure());
+}
+
+// A camera that needs 300 ms to read a frame out: light and motion may go on long before.
+TEST(SimGigeEvents, TheEndOfAnExposureIsToldBeforeItsFrame) {
+  for (bool event : {true, false}) {
+    Wired wired;
+    absl::Status opened = wired.Open(event ? "" : "exposure_end_event = false\n",
+                                     /*chunk_data=*/false, 7000, /*exposure_events=*/true);
+    ASSERT_TRUE(opened.ok()) << opened;
+    wired.server().SetReadout(milliseconds(300));
+    ASSERT_TRUE(wired.Ready().ok());
+    for (int i = 0; i < 3; ++i) {
+      const auto shot = wired.TakeApart(milliseconds(20));
+      if (absl::IsDataLoss(shot.frame.status())) continue;  // plain UDP on a busy machine
+      ASSERT_TRUE(shot.frame.ok()) << shot.frame.status();
+      const Duration between = shot.frame_came - shot.ended_came;
+      if (event) {
+        EXPECT_GE(between, milliseconds(250)) << "the frame was waited for";
+      } else {
+        EXPECT_LT(between, milliseconds(250));
+      }
+      EXPECT_GE(shot.ended_came - shot.triggered, milliseconds(20)) << "not while it is exposed";
+      EXPECT_GE(shot.ended_at - shot.triggered, milliseconds(20));
+      EXPECT_LE(shot.ended_at, shot.ended_came);
+    }
+    if (event) {
+      EXPECT_GE(wired.server().events_acknowledged(), 3);
+    } else {
+      EXPECT_EQ(wired.server().events_acknowledged(), 0);
+    }
+  }
 }
 
 TEST(SimGigeLines, MissingOnesNameThoseThereAre) {

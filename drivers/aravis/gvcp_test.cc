@@ -1,6 +1,4 @@
-// The watch over a camera of a few lines: a socket that answers, refuses, forgets or is silent.
-#include "drivers/aravis/gvcp_watch.h"
-
+// Packets byte by byte; and the watch over a camera of a few lines: a socket that answers, refuses, forgets or is silent.
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -11,6 +9,7 @@
 #include <vector>
 
 #include "base/mutex.h"
+#include "drivers/aravis/gvcp_watch.h"
 
 namespace lightstage {
 namespace {
@@ -48,6 +47,42 @@ TEST(Gvcp, AnswersAreTakenForTheirQuestionOnly) {
   for (size_t size = 0; size < answer.size(); ++size) {
     EXPECT_FALSE(DecodeReadRegister(std::span(answer).first(size), 0x1234).has_value()) << size;
   }
+}
+
+// One event of 16 bytes: id, stream, block, time; and with EVENTDATA_CMD something behind it.
+TEST(Gvcp, EventsAreTakenApart) {
+  const auto one = Bytes(
+      {0x42, 1, 0, 0xC0, 0, 16, 0x12, 0x34, 0, 0, 0x90, 3, 0, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0, 9});
+  const auto event = DecodeEvents(one);
+  ASSERT_TRUE(event.has_value());
+  EXPECT_EQ(event->request, 0x1234);
+  EXPECT_TRUE(event->wants_acknowledge);
+  EXPECT_EQ(event->ids, std::vector<uint16_t>{0x9003});
+  const auto acknowledge = EncodeEventAcknowledge(*event);
+  EXPECT_EQ(std::vector(acknowledge.begin(), acknowledge.end()),
+            Bytes({0, 0, 0, 0xC1, 0, 0, 0x12, 0x34}));
+  for (size_t size = 0; size < one.size(); ++size) {
+    EXPECT_FALSE(DecodeEvents(std::span(one).first(size)).has_value()) << size;
+  }
+  // Two at once, and the longer form with 64 bits of block id.
+  auto two = one;
+  two[5] = std::byte{32};
+  two.insert(two.end(), one.begin() + 8, one.end());
+  two[24 + 3] = std::byte{4};
+  EXPECT_EQ(DecodeEvents(two)->ids, (std::vector<uint16_t>{0x9003, 0x9004}));
+  auto extended = one;
+  extended[1] = std::byte{0x11};
+  extended[5] = std::byte{24};
+  EXPECT_FALSE(DecodeEvents(extended).has_value()) << "8 bytes are missing";
+  extended.resize(32);
+  EXPECT_EQ(DecodeEvents(extended)->ids, std::vector<uint16_t>{0x9003});
+  auto with_data = two;
+  with_data[3] = std::byte{0xC2};
+  EXPECT_EQ(DecodeEvents(with_data)->ids, std::vector<uint16_t>{0x9003});
+  EXPECT_EQ(EncodeEventAcknowledge(*DecodeEvents(with_data))[3], std::byte{0xC3});
+  auto other = one;
+  other[3] = std::byte{0x81};
+  EXPECT_FALSE(DecodeEvents(other).has_value());
 }
 
 class Camera {
