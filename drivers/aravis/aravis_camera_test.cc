@@ -174,6 +174,23 @@ TEST_F(AravisCameraTest, IsFoundBySerial) {
   EXPECT_NE(opened.message().find("GV43"), std::string_view::npos) << opened;
 }
 
+TEST_F(AravisCameraTest, IsDiscoveredWithLinesThatOpenIt) {
+  Start();
+  const absl::StatusOr<std::vector<Discovered>> found = AravisDiscovery()();
+  ASSERT_TRUE(found.ok()) << found.status();
+  ASSERT_EQ(found->size(), 1u);
+  EXPECT_EQ(found->front().what, "GigEVision camera Aravis Fake, serial GV42, at 127.0.0.1");
+  absl::StatusOr<TomlDocument> document = TomlDocument::Parse(found->front().toml, "found.toml");
+  ASSERT_TRUE(document.ok()) << document.status();
+  const TomlTable table = document->root().Table("camera");
+  EXPECT_EQ(table.String("driver"), "aravis");
+  DeviceOpener<Camera> open = AravisDriver().parse(table.Table("options"));
+  ASSERT_TRUE(document->Finish().ok()) << document->Finish();
+  const absl::StatusOr<std::unique_ptr<Camera>> camera = open({"camera", &clock_, nullptr});
+  ASSERT_TRUE(camera.ok()) << camera.status();
+  EXPECT_EQ((*camera)->info().identity.serial, "GV42");
+}
+
 TEST_F(AravisCameraTest, AnotherSerialAtTheAddressIsRefused) {
   Start();
   AravisOptions options = Options();

@@ -43,8 +43,10 @@ Discovery Dlpc350Discovery() {
           {absl::StrCat(device.maker, " ", device.product, ", serial ",
                         device.serial.empty() ? "none" : device.serial, ", at ", device.path),
            absl::StrCat("[projector]\ndriver = \"dlpc350\"\n",
-                        device.serial.empty() ? absl::StrCat("path = \"", device.path, "\"\n")
-                                              : absl::StrCat("serial = \"", device.serial, "\"\n"),
+                        device.serial.empty()
+                            ? absl::StrCat("path = ", TomlQuoted(device.path))
+                            : absl::StrCat("serial = ", TomlQuoted(device.serial)),
+                        "\n"
                         "# mode = \"flash\" with [[projector.patterns]], or \"video\" with "
                         "[projector.display]\n# led_current = [red, green, blue], 0 to 255, and "
                         "led_current_limit\n")});
