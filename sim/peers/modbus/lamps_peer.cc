@@ -28,6 +28,7 @@ ModbusAnswer ModbusLampsPeer::Handle(const ModbusRequest& request) {
     return {};
   }
   if (coils != (o_.full == 0)) return {kIllegalFunction, {}};
+  if (o_.single_writes && request.function >= 15) return {kIllegalFunction, {}};
   const int first = request.address - o_.first_address;
   if (first < 0 || first + request.count > o_.lamps) return {kIllegalAddress, {}};
   if (reads) {

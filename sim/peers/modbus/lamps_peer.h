@@ -15,9 +15,10 @@ namespace lightstage::sim {
 struct LampsPeerOptions {
   int first_lamp = 0, lamps = 0;  // of the world that are on this board
   int first_address = 0;
-  int full = 0;           // holding registers with this value of full light; 0: coils
-  bool inverted = false;  // a coil that is on makes its lamp dark
-  int watchdog = -1;      // holding register: dark after so many steps without a write of it
+  int full = 0;                // holding registers with this value of full light; 0: coils
+  bool inverted = false;       // a coil that is on makes its lamp dark
+  bool single_writes = false;  // knows functions 5 and 6, not 15 and 16
+  int watchdog = -1;           // holding register: dark after so many steps without a write of it
   Duration watchdog_step{};
 };
 

@@ -16,6 +16,7 @@ using testing::HasSubstr;
 [[maybe_unused]] const bool kPrivateNetwork = EnterPrivateNetwork();
 
 constexpr int kLamps = 40;
+constexpr char kSingleWrites[] = "single_writes = true\n";
 
 // Two boards share the lamps.
 class Boards {
@@ -63,6 +64,7 @@ class BoardsFixture : public LampsFixture {
 std::unique_ptr<Boards> Relays(Wire wire, const std::string& keys, bool inverted = false) {
   LampsPeerOptions options;
   options.first_address = 16;
+  options.single_writes = keys == kSingleWrites;
   options.inverted = inverted;
   return std::make_unique<Boards>(wire, options, "kind = \"coils\"\n" + keys);
 }
@@ -70,6 +72,7 @@ std::unique_ptr<Boards> Relays(Wire wire, const std::string& keys, bool inverted
 std::unique_ptr<Boards> Dimmers(Wire wire, const std::string& keys = "") {
   LampsPeerOptions options;
   options.first_address = 16;
+  options.single_writes = keys == kSingleWrites;
   options.full = 255;
   options.watchdog = 100;
   options.watchdog_step = milliseconds(100);
@@ -86,11 +89,11 @@ bool Register(const char* name, Make make) {
 
 [[maybe_unused]] const bool kConformance =
     Register("ModbusRelaysTcp", [] { return Relays(Wire::kTcp, ""); }) &&
-    Register("ModbusRelaysRtu", [] { return Relays(Wire::kRtu, "single_writes = true\n"); }) &&
+    Register("ModbusRelaysRtu", [] { return Relays(Wire::kRtu, kSingleWrites); }) &&
     Register("ModbusInvertedRelays",
              [] { return Relays(Wire::kTcp, "inverted = true\n", true); }) &&
     Register("ModbusDimmersTcp", [] { return Dimmers(Wire::kTcp); }) &&
-    Register("ModbusDimmersRtu", [] { return Dimmers(Wire::kRtu, "single_writes = true\n"); });
+    Register("ModbusDimmersRtu", [] { return Dimmers(Wire::kRtu, kSingleWrites); });
 
 class BoardsTest : public testing::Test {
  protected:
