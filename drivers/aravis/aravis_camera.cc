@@ -158,7 +158,7 @@ void AravisCamera::DoDisarm() {
   active_.reset();
 }
 
-void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
+void AravisCamera::DoTrigger(const std::shared_ptr<CameraShot>& shot) {
   if (shot->finished()) return;
   if (lost()) {
     shot->Fail(LostError());
@@ -191,9 +191,9 @@ void AravisCamera::DoTrigger(const std::shared_ptr<Shot>& shot) {
   if (shot->acknowledged - shot->sent > kRepeatedCommand) out_of_step_ = true;
   if (options_.exposure_end_margin) {
     TimePoint end = shot->acknowledged + shot->used_exposure + *options_.exposure_end_margin;
-    std::weak_ptr<Shot> weak = shot;
+    std::weak_ptr<CameraShot> weak = shot;
     clock_.At(end, [weak, end] {
-      if (std::shared_ptr<Shot> s = weak.lock()) s->EndExposure(end);
+      if (std::shared_ptr<CameraShot> s = weak.lock()) s->EndExposure(end);
     });
   }
 }
@@ -212,7 +212,7 @@ void AravisCamera::OnExposureEnded(TimePoint time) {
 }
 
 // Some cameras send the head of a frame when they begin to expose it: that says nothing of the end.
-bool AravisCamera::CanBeOver(const Shot& shot, TimePoint time) {
+bool AravisCamera::CanBeOver(const CameraShot& shot, TimePoint time) {
   return time >= shot.sent + shot.used_exposure;
 }
 
@@ -228,7 +228,7 @@ void AravisCamera::OnBuffer(uint64_t session) {
 }
 
 void AravisCamera::FinishActive(AravisLink::Taken taken) {
-  std::shared_ptr<Shot> shot = std::move(active_);
+  std::shared_ptr<CameraShot> shot = std::move(active_);
   active_.reset();
   if (absl::Status status = link_->Triggered(); !status.ok()) {
     spdlog::warn("{}", MessageOf(status));

@@ -42,14 +42,14 @@ class AravisCamera final : public StreamingCamera {
   absl::Status DoConfigure(const CameraConfig& config) override;
   absl::Status DoArm(const Outstanding& operation, TimePoint deadline) override;
   absl::Status StartStream(TimePoint deadline);
-  void DoTrigger(const std::shared_ptr<Shot>& shot) override;
+  void DoTrigger(const std::shared_ptr<CameraShot>& shot) override;
   void DoDisarm() override;
   void OnFirstPacket(uint64_t session, TimePoint time);
   void OnExposureEnded(TimePoint time);
   void OnBuffer(uint64_t session);
   void FinishActive(AravisLink::Taken taken);
   // Whether the exposure can be over at `time`.
-  static bool CanBeOver(const Shot& shot, TimePoint time);
+  static bool CanBeOver(const CameraShot& shot, TimePoint time);
 
   const AravisOptions options_;
   AravisCapabilities capabilities_;
@@ -61,9 +61,9 @@ class AravisCamera final : public StreamingCamera {
   bool streaming_ = false;
   bool out_of_step_ =
       false;  // a frame came or stayed away that nobody can tell: start the stream anew
-  std::shared_ptr<Shot> active_;       // triggered, its frame not yet seen
-  std::optional<TimePoint> told_end_;  // when the camera said that its exposure was over
-  uint64_t sequence_base_ = 0;         // frames counted before the last reconnection
+  std::shared_ptr<CameraShot> active_;  // triggered, its frame not yet seen
+  std::optional<TimePoint> told_end_;   // when the camera said that its exposure was over
+  uint64_t sequence_base_ = 0;          // frames counted before the last reconnection
   uint64_t last_sequence_ = 0;
 
   mutable Mutex lost_mutex_;

@@ -2,7 +2,7 @@
 
 namespace lightstage {
 
-void Shot::EndExposure(TimePoint time) {
+void CameraShot::EndExposure(TimePoint time) {
   MutexLock lock(&mutex_);
   if (finished_ || exposure_over_) return;
   exposure_over_ = true;
@@ -14,7 +14,7 @@ void Shot::EndExposure(TimePoint time) {
   if (frame_) DeliverFrame();  // finished meanwhile by somebody else
 }
 
-bool Shot::Finish(absl::StatusOr<Frame> frame) {
+bool CameraShot::Finish(absl::StatusOr<Frame> frame) {
   MutexLock lock(&mutex_);
   if (finished_) return false;
   finished_ = true;
@@ -23,7 +23,7 @@ bool Shot::Finish(absl::StatusOr<Frame> frame) {
   return true;
 }
 
-void Shot::DeliverFrame() {
+void CameraShot::DeliverFrame() {
   absl::StatusOr<Frame> frame = *std::move(frame_);
   frame_.reset();
   bool end_exposure = !exposure_over_;

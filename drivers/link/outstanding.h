@@ -70,10 +70,10 @@ class Operation final : public Outstanding {
 
 // One exposure: exposure_ended, then frame_ready. Whoever finishes it while exposure_ended is running leaves frame_ready to that
 // thread, so that the order holds.
-class Shot final : public Outstanding {
+class CameraShot final : public Outstanding {
  public:
-  Shot(Duration exposure, TimePoint deadline, Completion<ExposureEnd> ended,
-       Completion<Frame> ready)
+  CameraShot(Duration exposure, TimePoint deadline, Completion<ExposureEnd> ended,
+             Completion<Frame> ready)
       : exposure(exposure),
         deadline(deadline),
         ended_(std::move(ended)),

@@ -11,16 +11,16 @@ namespace {
 
 struct Log {
   std::string order;
-  std::unique_ptr<Shot> shot;
+  std::unique_ptr<CameraShot> shot;
   Log() {
-    shot = std::make_unique<Shot>(
+    shot = std::make_unique<CameraShot>(
         Duration(1), kNever,
         [this](absl::StatusOr<ExposureEnd> end) { order += end.ok() ? "E" : "e"; },
         [this](absl::StatusOr<Frame> frame) { order += frame.ok() ? "F" : "f"; });
   }
 };
 
-TEST(Shot, EndsThenDelivers) {
+TEST(CameraShot, EndsThenDelivers) {
   Log log;
   log.shot->EndExposure(TimePoint{});
   log.shot->EndExposure(TimePoint{});
@@ -30,14 +30,14 @@ TEST(Shot, EndsThenDelivers) {
   EXPECT_EQ(log.order, "EF");
 }
 
-TEST(Shot, FailureFailsBothInOrder) {
+TEST(CameraShot, FailureFailsBothInOrder) {
   Log log;
   EXPECT_TRUE(log.shot->Fail(absl::CancelledError()));
   log.shot->EndExposure(TimePoint{});
   EXPECT_EQ(log.order, "ef");
 }
 
-TEST(Shot, FailureAfterTheExposureFailsTheFrameOnly) {
+TEST(CameraShot, FailureAfterTheExposureFailsTheFrameOnly) {
   Log log;
   log.shot->EndExposure(TimePoint{});
   log.shot->Fail(absl::CancelledError());
@@ -45,10 +45,10 @@ TEST(Shot, FailureAfterTheExposureFailsTheFrameOnly) {
 }
 
 // Whoever finishes the shot while exposure_ended runs must not overtake it.
-TEST(Shot, OrderHoldsAcrossThreads) {
+TEST(CameraShot, OrderHoldsAcrossThreads) {
   std::atomic<bool> inside{false}, finished{false};
   std::string order;
-  Shot shot(
+  CameraShot shot(
       Duration(1), kNever,
       [&](absl::StatusOr<ExposureEnd>) {
         inside = true;

@@ -78,8 +78,8 @@ void StreamingCamera::Arm(TimePoint deadline, Completion<CameraConfig> done) {
 void StreamingCamera::Trigger(Duration exposure, TimePoint deadline,
                               Completion<ExposureEnd> exposure_ended,
                               Completion<Frame> frame_ready) {
-  auto shot =
-      std::make_shared<Shot>(exposure, deadline, std::move(exposure_ended), std::move(frame_ready));
+  auto shot = std::make_shared<CameraShot>(exposure, deadline, std::move(exposure_ended),
+                                           std::move(frame_ready));
   shot->sent = clock_.Now();  // the light is right from here on
   absl::Status refusal;
   {

@@ -34,7 +34,7 @@ class StreamingCamera : public Camera {
   // Starts the stream. May give up once `operation` is finished.
   virtual absl::Status DoArm(const Outstanding& operation, TimePoint deadline) = 0;
   // Whatever comes of it ends the shot. The shot may be finished already.
-  virtual void DoTrigger(const std::shared_ptr<Shot>& shot) = 0;
+  virtual void DoTrigger(const std::shared_ptr<CameraShot>& shot) = 0;
   // Ends the stream.
   virtual void DoDisarm() = 0;
 
@@ -56,7 +56,7 @@ class StreamingCamera : public Camera {
   Mutex mutex_;
   bool armed_ ABSL_GUARDED_BY(mutex_) = false;
   uint64_t disarms_ ABSL_GUARDED_BY(mutex_) = 0;  // an Arm that a Disarm overtook does not arm
-  std::shared_ptr<Shot> shot_ ABSL_GUARDED_BY(mutex_);  // the last one triggered
+  std::shared_ptr<CameraShot> shot_ ABSL_GUARDED_BY(mutex_);  // the last one triggered
 
  protected:
   DeviceThread thread_;  // last: its tasks use all of this

@@ -189,7 +189,7 @@ void V4l2Camera::DoDisarm() {
   active_.reset();
 }
 
-void V4l2Camera::DoTrigger(const std::shared_ptr<Shot>& shot) {
+void V4l2Camera::DoTrigger(const std::shared_ptr<CameraShot>& shot) {
   if (shot->finished()) return;
   if (lost_ || !link_) {
     shot->Fail(LostError());
@@ -304,7 +304,7 @@ absl::Status V4l2Camera::OnFrame(const V4l2Link::Taken& taken) {
 
 absl::Status V4l2Camera::Deliver(const V4l2Link::Taken& taken, const FrameStamp& stamp,
                                  uint64_t sequence) {
-  const std::shared_ptr<Shot> shot = std::exchange(active_, nullptr);
+  const std::shared_ptr<CameraShot> shot = std::exchange(active_, nullptr);
   if (stamp.dequeued > shot->deadline) {
     shot->Fail(thread_.Late("the frame"));  // its timer has not come to it yet
     return link_->GiveBack(taken);

@@ -38,7 +38,7 @@ class V4l2Camera final : public StreamingCamera {
   absl::Status DoArm(const Outstanding& operation, TimePoint deadline) override;
   absl::Status Begin();
   absl::Status SetExposure(Duration exposure);
-  void DoTrigger(const std::shared_ptr<Shot>& shot) override;
+  void DoTrigger(const std::shared_ptr<CameraShot>& shot) override;
   void DoDisarm() override;
   bool Silent() const;
   void StartPump();
@@ -63,8 +63,8 @@ class V4l2Camera final : public StreamingCamera {
   std::unique_ptr<V4l2Link> link_;
   bool configured_ = false;
   bool pumping_ = false;
-  std::shared_ptr<Shot> active_;  // triggered, its frame not yet seen
-  FrameChoice choice_;            // of active_
+  std::shared_ptr<CameraShot> active_;  // triggered, its frame not yet seen
+  FrameChoice choice_;                  // of active_
   FrameCounter counter_;
   uint64_t skipped_ = 0;    // frames that never came, since the last one delivered
   int frames_ = 0;          // of this stream
