@@ -13,6 +13,7 @@ set(LIGHTSTAGE_FLOORS
   sim/peers/uvc=7
   daemon/config=7
   daemon/rig=8
+  daemon/calibrate=9
   daemon/capture=9
   daemon/engine=10
   daemon/develop=11

@@ -20,6 +20,7 @@
 #include "base/version.h"
 #include "daemon/app/builtin_drivers.h"
 #include "daemon/app/discover.h"
+#include "daemon/calibrate/latency.h"
 #include "daemon/config/rig_file.h"
 #include "daemon/engine/facts.h"
 #include "daemon/rpc/convert.h"
@@ -38,7 +39,7 @@ constexpr char kDefaultAddress[] = "127.0.0.1:7420";
 struct Arguments {
   std::string rig_file, data;
   std::vector<std::string> listen;
-  bool check = false, discover = false;
+  bool check = false, discover = false, calibrate_latency = false;
 };
 
 absl::StatusOr<std::unique_ptr<RigFile>> LoadRigFile(const std::string& path,
@@ -59,10 +60,8 @@ absl::Status CatchShortage(absl::FunctionRef<absl::Status()> work) {
   }
 }
 
-// Serves until one of `signals` comes.
-absl::Status Serve(const Arguments& arguments, const RigFile& file, const sigset_t& signals) {
-  // One daemon per data directory comes before any device: a second one must not even open them.
-  std::unique_ptr<Env> env = MakePosixEnv({.direct_io = file.store.direct_io});
+// One daemon per data directory comes before any device: a second one must not even open them.
+absl::StatusOr<std::unique_ptr<DataDirectory>> OpenData(const Arguments& arguments, Env& env) {
   // Clients are told where a dataset is: that must not depend on where the daemon was started.
   std::error_code error;
   std::string folder = std::filesystem::absolute(arguments.data, error).lexically_normal();
@@ -73,13 +72,33 @@ absl::Status Serve(const Arguments& arguments, const RigFile& file, const sigset
                               "its name must be UTF-8"));
   }
   if (error) return ErrnoError(error.value(), "find the working directory for", arguments.data);
-  ASSIGN_OR_RETURN(std::unique_ptr<DataDirectory> data, DataDirectory::Open(*env, folder));
+  return DataDirectory::Open(env, folder);
+}
 
-  std::unique_ptr<Clock> clock;
-  if (file.virtual_time)
-    clock = std::make_unique<VirtualClock>(RealClock().WallNow());
-  else
-    clock = std::make_unique<RealClock>();
+std::unique_ptr<Clock> ClockOf(const RigFile& file) {
+  if (file.virtual_time) return std::make_unique<VirtualClock>(RealClock().WallNow());
+  return std::make_unique<RealClock>();
+}
+
+// Until one of `signals` comes.
+absl::Status CalibrateLatency(const Arguments& arguments, const RigFile& file,
+                              const sigset_t& signals) {
+  ASSIGN_OR_RETURN(std::unique_ptr<DataDirectory> data, OpenData(arguments, PosixEnv()));
+  std::unique_ptr<Clock> clock = ClockOf(file);
+  ASSIGN_OR_RETURN(std::unique_ptr<Rig> rig, Rig::Open(file, *clock));
+  ASSIGN_OR_RETURN(const LatencyReport report, MeasureLatency(*rig, [&] {
+                     const timespec now{};
+                     return sigtimedwait(&signals, nullptr, &now) > 0;
+                   }));
+  std::cout << LatencyToml(report);
+  return absl::OkStatus();
+}
+
+// Serves until one of `signals` comes.
+absl::Status Serve(const Arguments& arguments, const RigFile& file, const sigset_t& signals) {
+  std::unique_ptr<Env> env = MakePosixEnv({.direct_io = file.store.direct_io});
+  ASSIGN_OR_RETURN(std::unique_ptr<DataDirectory> data, OpenData(arguments, *env));
+  std::unique_ptr<Clock> clock = ClockOf(file);
   ASSIGN_OR_RETURN(std::unique_ptr<Rig> rig, Rig::Open(file, *clock));
   const RigFacts facts = FactsOf(*rig);
   int lamps = static_cast<int>(facts.geometry.brace.lamps.size());
@@ -129,6 +148,12 @@ int Main(int argc, char** argv) {
   app.add_flag("--discover", arguments.discover,
                "List what is found on every bus, with lines for a rig file, and exit")
       ->excludes(rig);
+  app.add_flag(
+         "--calibrate-latency", arguments.calibrate_latency,
+         "Measure the latency_ms of a camera that runs freely with the rig's own light, print the "
+         "line for the rig file, and exit; no daemon may use the rig or --data")
+      ->excludes("--check")
+      ->excludes("--discover");
   try {
     app.parse(argc, argv);
     if (!arguments.discover && rig->count() == 0) throw CLI::RequiredError("--rig");
@@ -172,7 +197,8 @@ int Main(int argc, char** argv) {
     spdlog::set_default_logger(
         spdlog::create_async_nb<spdlog::sinks::stderr_sink_mt>("lightstaged"));
     spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
-    return Serve(arguments, *file, signals);
+    return arguments.calibrate_latency ? CalibrateLatency(arguments, *file, signals)
+                                       : Serve(arguments, *file, signals);
   });
   spdlog::shutdown();
   return served.ok() ? 0 : fail(served);

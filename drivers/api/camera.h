@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -87,6 +88,9 @@ struct Frame {
   TimePoint exposure_start{}, exposure_end{};  // rig clock, as well as the driver can tell
   int64_t device_timestamp_ns = 0;             // the camera's own clock
   uint64_t sequence = 0;                       // the camera's own frame count
+  // Of a camera that runs freely: when the exposure of its first row began if its latency were 0; by that much it began earlier. Nothing for
+  // cameras that expose when they are triggered.
+  std::optional<TimePoint> latest_start;
 };
 
 // When the light of one exposure has been gathered: from here on light and pose may change.

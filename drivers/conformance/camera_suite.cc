@@ -268,6 +268,7 @@ void UsedExposureIsReported(CameraFixture& fixture) {
         << "asked " << exposure.count() << " ns, reported " << frame->exposure.count() << " ns";
     EXPECT_LE(frame->exposure_start, frame->exposure_end);
     EXPECT_LE(frame->exposure_end, bench.clock().Now());
+    EXPECT_LE(frame->latest_start.value_or(TimePoint{}), bench.clock().Now());
   }
 }
 

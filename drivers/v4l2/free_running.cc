@@ -7,26 +7,28 @@ namespace {
 
 bool Believed(const FrameStamp& frame) { return frame.stamp && *frame.stamp <= frame.dequeued; }
 
+// Without the option, SOE is not believed: uvcvideo sets it and stamps a frame's first packet, which is sent after the exposure.
+bool StampedAtStart(const FrameStamp& frame, const ExposureTiming& timing) {
+  return Believed(frame) && frame.flagged_start_of_exposure && timing.stamps_at_exposure_start;
+}
+
 }  // namespace
 
 TimePoint EarliestLight(const FrameStamp& frame, Duration exposure, const ExposureTiming& timing) {
   const TimePoint there = Believed(frame) ? *frame.stamp : frame.not_before;
   const Duration late = timing.latency.value_or(timing.interval);
-  // Without the option, SOE is not believed: uvcvideo sets it and stamps a frame's first packet, which is sent after the exposure.
-  if (Believed(frame) && frame.flagged_start_of_exposure && timing.stamps_at_exposure_start) {
-    return there - late;
-  }
-  return there - exposure - late;
+  return StampedAtStart(frame, timing) ? there - late : there - exposure - late;
+}
+
+TimePoint LatestStart(const FrameStamp& frame, Duration exposure, const ExposureTiming& timing) {
+  const TimePoint there = Believed(frame) ? *frame.stamp : frame.dequeued;
+  return StampedAtStart(frame, timing) ? there : there - exposure;
 }
 
 TimePoint LikelyExposureEnd(const FrameStamp& frame, Duration exposure,
                             const ExposureTiming& timing) {
-  const TimePoint there = Believed(frame) ? *frame.stamp : frame.dequeued;
   const Duration late = timing.latency.value_or(Duration::zero());
-  if (Believed(frame) && frame.flagged_start_of_exposure && timing.stamps_at_exposure_start) {
-    return std::min(there - late + exposure, frame.dequeued);
-  }
-  return there - late;
+  return std::min(LatestStart(frame, exposure, timing) - late + exposure, frame.dequeued);
 }
 
 FrameCounter::Step FrameCounter::Next(uint32_t raw) {

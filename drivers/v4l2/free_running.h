@@ -30,6 +30,10 @@ struct ExposureTiming {
 // all that is known.
 TimePoint EarliestLight(const FrameStamp& frame, Duration exposure, const ExposureTiming& timing);
 
+// When its first row began to gather light if the latency were 0. A frame whose stamp is not believed may have waited, but for no longer than
+// until it was dequeued.
+TimePoint LatestStart(const FrameStamp& frame, Duration exposure, const ExposureTiming& timing);
+
 // As well as it can be told, when the exposure ended; not after the frame was dequeued.
 TimePoint LikelyExposureEnd(const FrameStamp& frame, Duration exposure,
                             const ExposureTiming& timing);

@@ -64,6 +64,24 @@ TEST(FreeRunning, StampsOfTheFutureOrOfAnotherClockAreNotBelieved) {
   EXPECT_EQ(EarliestLight(unknown, milliseconds(10), timing), At(70));
 }
 
+// What the latency is measured against does not depend on the one that is set, and is never too early.
+TEST(FreeRunning, TheLatestStartIsThatWithoutLatency) {
+  FrameStamp frame = Stamped(100, 80, 130);
+  frame.flagged_start_of_exposure = true;
+  for (std::optional<Duration> latency :
+       {std::optional<Duration>(), std::optional<Duration>(milliseconds(7))}) {
+    ExposureTiming timing;
+    timing.latency = latency;
+    timing.interval = milliseconds(20);
+    EXPECT_EQ(LatestStart(frame, milliseconds(10), timing), At(90));
+    EXPECT_EQ(LatestStart(Stamped(140, 80, 130), milliseconds(10), timing), At(120));
+    timing.stamps_at_exposure_start = true;
+    EXPECT_EQ(LatestStart(frame, milliseconds(10), timing), At(100));
+    EXPECT_EQ(LatestStart(frame, milliseconds(60), timing), At(100))
+        << "LikelyExposureEnd() is cut off";
+  }
+}
+
 TEST(FreeRunning, FramesAreChosenAfterTheLightAndAfterTheSkips) {
   FrameChoice exact(At(50), 0);
   EXPECT_FALSE(exact.Counts(At(49)));

@@ -317,6 +317,7 @@ absl::Status V4l2Camera::Deliver(const V4l2Link::Taken& taken, const FrameStamp&
     frame->exposure = shot->used_exposure;
     frame->exposure_end = LikelyExposureEnd(stamp, shot->used_exposure, Timing());
     frame->exposure_start = frame->exposure_end - shot->used_exposure;
+    frame->latest_start = LatestStart(stamp, shot->used_exposure, Timing());
     if (skipped_ > 0) {
       spdlog::warn("{}: {} frames of the camera never came since the last shot", name_, skipped_);
     }

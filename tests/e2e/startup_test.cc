@@ -160,6 +160,23 @@ TEST(Startup, CheckBuildsTheScene) {
   }
 }
 
+TEST(Startup, ALatencyIsMeasuredOnlyWhereThereIsOneAndNobodyUsesTheRig) {
+  TestFolder folder;
+  WriteText(folder / "rig.toml", SmallRig());
+  const std::vector<std::string> calibrate = {
+      "--rig", folder / "rig.toml", "--data", folder / "data", "--calibrate-latency"};
+  const Answer triggered = RunDaemon(folder, calibrate);
+  EXPECT_EQ(triggered.code, 1);
+  EXPECT_TRUE(Says(triggered.err, "driver sim it exposes when it is triggered")) << triggered.err;
+  EXPECT_EQ(triggered.out, "");
+  Daemon daemon(folder, SmallRig());
+  const Answer in_use = RunDaemon(folder, calibrate);
+  EXPECT_EQ(in_use.code, 1);
+  EXPECT_TRUE(Says(in_use.err, std::to_string(daemon.process().pid()))) << in_use.err;
+  EXPECT_EQ(RunDaemon(folder, {"--rig", folder / "rig.toml", "--calibrate-latency"}).code, 2)
+      << "no --data";
+}
+
 #ifndef LIGHTSTAGE_SANITIZED
 // There is no room for the stack of a single one.
 TEST(Startup, WantOfThreadsIsSaid) {

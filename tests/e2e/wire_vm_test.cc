@@ -1,5 +1,6 @@
 // Captures through wires that need a kernel with buses (tests/vm): every device but the gantry's drive is behind one. The world is the same as in the
 // direct capture that each is compared with.
+#include <iostream>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -140,6 +141,36 @@ std::string UvcRig(const std::string& rig, const std::string& peer) {
 TEST(WireVmUvc, ALightStageThroughUvcvideoEqualsTheDirectOne) {
   ExpectSame(TestFolder(), UvcDirectRig(), UvcRig(RealTime(UvcDirectRig()), ""), kTwiceEightLamps,
              16, 0.016);
+}
+
+// What the camera keeps is known here: no frame that is stamped later counts.
+TEST(WireVmUvc, WithALatencyALightStageEqualsTheDirectOneToo) {
+  const std::string rig = Replaced(UvcRig(RealTime(UvcDirectRig()), "latency_ms = 100\n"),
+                                   "frames_per_s = 20\n", "frames_per_s = 20\nlatency_ms = 600\n");
+  ExpectSame(TestFolder(), UvcDirectRig(), rig, kTwiceEightLamps, 16, 0.016);
+}
+
+// The calibration knows nothing of the latency that the camera has. What the kernel's stamps add to it in so slow a machine nobody knows.
+TEST(WireVmUvc, TheLatencyIsMeasured) {
+  TestFolder folder;
+  WriteText(folder / "white.toml",
+            "turntable = false\n[material.white]\ndiffuse = [0.8, 0.8, 0.8]\n"
+            "[[box]]\ncenter_m = [0, 0, -0.01]\nsize_m = [4, 4, 0.02]\nmaterial = \"white\"\n");
+  WriteText(folder / "rig.toml",
+            Replaced(Replaced(UvcRig(RealTime(UvcDirectRig()), "latency_ms = 250\n"),
+                              "scene = \"balls\"", "scene = \"white.toml\""),
+                     "exposures_us = [1000, 16000]", "exposures_us = [16000]"));
+  Process daemon({DaemonProgram(), "--rig", folder / "rig.toml", "--data", folder / "data",
+                  "--calibrate-latency"},
+                 folder / "lightstaged");
+  ASSERT_EQ(daemon.Wait(Milliseconds(200000)), 0) << daemon.err();
+  const std::string found = daemon.out();
+  const std::string key = "\nlatency_ms = ";
+  ASSERT_NE(found.find(key), std::string::npos) << found;
+  const double latency_ms = std::stod(found.substr(found.find(key) + key.size()));
+  EXPECT_GE(latency_ms, 250) << found;
+  EXPECT_LT(latency_ms, 1000) << found;
+  std::cout << found;
 }
 
 TEST(WireVmUvc, FaultsAreRetakenOrPause) {

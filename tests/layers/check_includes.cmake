@@ -13,8 +13,8 @@ include(${SOURCE_DIR}/cmake/layers.cmake)
 # expressions over room names.
 set(FORBIDDEN
   # The daemon works on contracts; messages are daemon/rpc's business, concrete drivers daemon/app's.
-  "daemon/(config|rig|capture|engine|develop|store|runs)>proto"
-  "daemon/(config|rig|capture|engine|develop|store|runs|rpc)>(drivers/(aravis|canopen|display|dlpc350|dmx|link|modbus|v4l2)|sim/.*)"
+  "daemon/(config|rig|calibrate|capture|engine|develop|store|runs)>proto"
+  "daemon/(config|rig|calibrate|capture|engine|develop|store|runs|rpc)>(drivers/(aravis|canopen|display|dlpc350|dmx|link|modbus|v4l2)|sim/.*)"
   # A client is anyone's client: it knows the contract, and the command line may read datasets.
   "client/cpp>(optics|dataset)"
   "client/.*>(drivers|sim|relight|daemon)/?.*"

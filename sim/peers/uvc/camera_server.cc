@@ -69,17 +69,13 @@ void UvcCameraServer::RunStream(uint64_t stream) {
   int skipped = 0;
   while (connection_.AwaitRequests(1, over)) {
     const UvcCamera::Shot shot = camera_.Begin(clock);
-    const TimePoint end = shot.start + shot.exposure + world_->RowLag(options_.height);
+    const TimePoint end =
+        shot.start + shot.exposure + world_->RowLag(options_.height) + options_.latency;
     if (clock.WaitUntil(end, over)) return;
     const UvcFault fault = fault_;
     skipped = fault == UvcFault::kSkips ? (skipped + 1) % 4 : 0;
     if (fault != UvcFault::kSilent && skipped == 0) {
-      const size_t asked = connection_.requests();
-      const int broken = broken_;
-      if (!SendFrame(Expose(shot), std::exchange(odd, !odd), stream)) return;
-      // The host asks anew with each request that it has taken in; with those that failed it need not.
-      connection_.AwaitRequests(
-          asked, [this, stream, broken] { return Over(stream) || broken_ != broken; });
+      if (!SendFrame(shot, std::exchange(odd, !odd), stream)) return;
     }
     if (clock.WaitUntil(shot.start + options_.frame_interval, over)) return;
   }
@@ -99,26 +95,42 @@ std::vector<uint8_t> UvcCameraServer::Expose(const UvcCamera::Shot& shot) {
   return bytes;
 }
 
-bool UvcCameraServer::SendFrame(std::vector<uint8_t> bytes, bool odd, uint64_t stream) {
+// The host asks anew with each request that it has taken in; with those that failed it need not.
+void UvcCameraServer::AwaitTaken(size_t asked, int broken, uint64_t stream) {
+  connection_.AwaitRequests(asked,
+                            [this, stream, broken] { return Over(stream) || broken_ != broken; });
+}
+
+bool UvcCameraServer::SendFrame(const UvcCamera::Shot& shot, bool odd, uint64_t stream) {
+  const auto send = [&](std::span<const uint8_t> part, uint8_t info) {
+    std::vector<uint8_t> payload = {kHeaderBytes, static_cast<uint8_t>(kEndOfHeader | info)};
+    if (odd) payload[1] |= kFrameId;
+    payload.insert(payload.end(), part.begin(), part.end());
+    return connection_.Send(payload, kUvcPayloadBytes, [this, stream] { return Over(stream); });
+  };
+  const size_t asked = connection_.requests();
+  const int broken = broken_;
+  if (!send({}, 0)) return false;
+  AwaitTaken(asked, broken, stream);
+  // By now it is stamped.
+  const bool late = options_.latency_limit &&
+                    world_->clock().Now() > shot.start + shot.exposure + *options_.latency_limit;
+  std::vector<uint8_t> bytes = Expose(shot);
   const UvcFault fault = fault_;
-  const bool damaged = fault == UvcFault::kDamaged || bytes.empty();
-  if (damaged) {
+  const bool wrong = fault == UvcFault::kDamaged || bytes.empty();
+  if (wrong) {
     for (size_t i = bytes.size() / 2; i < bytes.size(); ++i) bytes[i] ^= 0xff;
   }
   if (fault == UvcFault::kShort) bytes.resize(bytes.size() / 2);
   std::span<const uint8_t> rest = bytes;
   do {
-    const size_t part = std::min(rest.size(), kUvcPayloadBytes - kHeaderBytes);
-    std::vector<uint8_t> payload = {kHeaderBytes, kEndOfHeader};
-    if (odd) payload[1] |= kFrameId;
-    if (part == rest.size()) payload[1] |= kEndOfFrame;
-    if (damaged) payload[1] |= kErrorBit;
-    payload.insert(payload.end(), rest.begin(), rest.begin() + static_cast<ptrdiff_t>(part));
-    rest = rest.subspan(part);
-    if (!connection_.Send(payload, kUvcPayloadBytes, [this, stream] { return Over(stream); })) {
+    const std::span<const uint8_t> part =
+        rest.first(std::min(rest.size(), kUvcPayloadBytes - kHeaderBytes));
+    rest = rest.subspan(part.size());
+    if (!send(part, (rest.empty() ? kEndOfFrame : 0) | (wrong || late ? kErrorBit : 0)))
       return false;
-    }
   } while (!rest.empty());
+  AwaitTaken(asked, broken, stream);
   return true;
 }
 

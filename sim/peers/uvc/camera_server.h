@@ -2,7 +2,8 @@
 // exposed, then read out and sent, and the next one begins no sooner than its time has come and the host has taken this one in. So whatever
 // the host does with a frame, none that comes after it can have begun before it – also on a machine that is slow at making pictures.
 //
-// Frame k integrates the light and motion of just its exposure on the world's clock, with what was set when it began.
+// Frame k integrates the light and motion of just its exposure on the world's clock, with what was set when it began. Its first payload has no
+// pixels yet: with that the host stamps it, so that the stamp is no later for the time that the picture takes to be computed.
 #pragma once
 
 #include <atomic>
@@ -45,7 +46,9 @@ class UvcCameraServer {
   bool Over(uint64_t stream) const { return quit_ || camera_.stream() != stream; }
   // The picture's bytes, or nothing if the light cannot be had.
   std::vector<uint8_t> Expose(const UvcCamera::Shot& shot);
-  bool SendFrame(std::vector<uint8_t> bytes, bool odd, uint64_t stream);
+  // Waits until the host has taken in all that it was sent, as it had `asked` for.
+  void AwaitTaken(size_t asked, int broken, uint64_t stream);
+  bool SendFrame(const UvcCamera::Shot& shot, bool odd, uint64_t stream);
 
   const UvcCameraOptions options_;
   const std::shared_ptr<World> world_;  // shared with the rig's other devices

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/strings/str_format.h"
 #include "base/status.h"
 #include "drivers/link/device_thread.h"
 #include "drivers/v4l2/options.h"
@@ -35,11 +36,6 @@ UvcCameraOptions ParseCamera(const TomlTable& table, const V4l2Options& driver) 
                          [](char c) { return c < ' ' || c > '~'; })) {
     table.ErrorAt("card", "must be at most 31 characters of ASCII where the camera is simulated");
   }
-  if (driver.latency) {
-    table.ErrorAt("latency_ms",
-                  "must not be given where the camera is simulated: to compute a picture takes as "
-                  "long as it takes");
-  }
   if (driver.stamps_at_exposure_start) {
     table.ErrorAt("stamps_at_exposure_start",
                   "must be false where the camera is simulated: its frames are stamped when they "
@@ -49,6 +45,14 @@ UvcCameraOptions ParseCamera(const TomlTable& table, const V4l2Options& driver) 
   options.bits = driver.significant_bits.value_or(options.bits);
   if (driver.gain_db_per_step > 0) options.gain_db_per_step = driver.gain_db_per_step;
   const TomlTable peer = table.Table("peer");
+  options.latency = peer.Time("latency_ms", 0, 10000, 0.0);
+  options.latency_limit = driver.latency;
+  if (driver.latency && *driver.latency <= options.latency) {
+    table.ErrorAt("latency_ms",
+                  absl::StrFormat("must be greater than the %g ms that the simulated camera has "
+                                  "(latency_ms of the table peer), for the way to the computer",
+                                  Seconds(options.latency) * 1e3));
+  }
   options.width = static_cast<int>(peer.Int("sensor_width", 1, 16384, 640));
   options.height = static_cast<int>(peer.Int("sensor_height", 1, 16384, 480));
   return options;

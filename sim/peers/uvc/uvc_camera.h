@@ -23,6 +23,10 @@ struct UvcCameraOptions {
   int bits = 16;  // significant ones of 16
   Duration frame_interval = std::chrono::milliseconds(33);
   double gain_db_per_step = 1;
+  Duration
+      latency{};  // from the end of an exposure and of its readout until the frame begins to be sent
+  // The longest time from the end of the first row's exposure that a frame may take to be there and still be good; not given: any.
+  std::optional<Duration> latency_limit;
 };
 
 // The most bytes of a payload with its header: what the host is told, and what ends a payload without a short packet.

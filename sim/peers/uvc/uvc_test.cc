@@ -106,10 +106,14 @@ class UvcTest : public testing::Test {
     requested_.push_back(host_->Submit(1, true, kRequestBytes));
     return Payload{answer->data[1], Bytes(answer->data.begin() + 2, answer->data.end())};
   }
-  // The payloads of one frame, which fit into one here.
+  // The payloads of one frame: the first has nothing yet, the rest fits into one here.
   std::optional<Payload> NextFrame() {
+    std::optional<Payload> first = NextPayload();
+    began_ = clock_.Now();
+    EXPECT_TRUE(!first || (first->data.empty() && (first->info & 0x82) == 0x80)) << "EOH";
     std::optional<Payload> payload = NextPayload();
     EXPECT_TRUE(!payload || (payload->info & 0x82) == 0x82) << "EOH, EOF";
+    EXPECT_TRUE(!payload || !first || ((payload->info ^ first->info) & 1) == 0) << "FID";
     return payload;
   }
   void Light(float level) { world_->RampLamps(clock_.Now(), {}, {}, {level, 0, 0}); }
@@ -138,6 +142,7 @@ class UvcTest : public testing::Test {
   std::shared_ptr<World> world_;
   std::optional<TestHost> host_;
   std::vector<uint32_t> requested_;
+  TimePoint began_{};  // when the first payload of the last frame was there: the host's stamp
   std::optional<UvcCameraServer> server_;
 };
 
@@ -290,6 +295,49 @@ TEST_F(UvcTest, AnExposureCountsForFramesThatBeginAfterItWasSet) {
   EXPECT_TRUE(Same(NextFrame()->data, shorter));
 }
 
+// A frame without light began after the light was off, and is there no sooner than its exposure and the latency after that.
+TEST_F(UvcTest, FramesAreHeldBackForTheLatency) {
+  UvcCameraOptions options{"Late", kWidth, kHeight, 12, milliseconds(40), 1};
+  options.latency = milliseconds(150);
+  Restart(options);
+  SetExposure(50);
+  Light(1);
+  StartStream();
+  ASSERT_TRUE(NextFrame());
+  for (int i = 0; i < 3; ++i) {
+    const TimePoint off = clock_.Now();
+    Light(0);
+    std::optional<Payload> frame;
+    do {
+      frame = NextFrame();
+      ASSERT_TRUE(frame);
+    } while (frame->data != Bytes(frame->data.size()));
+    EXPECT_GE(began_ - off, milliseconds(155));
+    Light(1);
+    ASSERT_TRUE(NextFrame());
+    ASSERT_TRUE(NextFrame());
+  }
+}
+
+TEST_F(UvcTest, AFrameThatIsThereTooLateIsDamaged) {
+  UvcCameraOptions options{"Strict", kWidth, kHeight, 12, milliseconds(40), 1};
+  options.latency_limit = std::chrono::seconds(5);
+  Restart(options);
+  SetExposure(50);
+  StartStream();
+  auto frame = NextFrame();
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->info & 0x40, 0);
+  options.latency = milliseconds(50);
+  options.latency_limit = milliseconds(49);
+  Restart(options);
+  SetExposure(50);
+  StartStream();
+  frame = NextFrame();
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->info & 0x40, 0x40);
+}
+
 TEST_F(UvcTest, WithoutAStreamNothingIsExposed) {
   std::this_thread::sleep_for(milliseconds(100));
   EXPECT_EQ(server_->frames(), 0);
@@ -375,7 +423,7 @@ TEST_F(UvcTest, LargeFramesComeInPayloads) {
     picture.insert(picture.end(), payload.begin() + 2, payload.end());
   }
   EXPECT_EQ(payloads,
-            (std::vector<size_t>{kUvcPayloadBytes, kUvcPayloadBytes,
+            (std::vector<size_t>{2, kUvcPayloadBytes, kUvcPayloadBytes,
                                  kLargeWidth * kLargeHeight * 2 + 3 * 2 - 2 * kUvcPayloadBytes}));
   EXPECT_TRUE(Same(picture, Seen(clock_.Now(), milliseconds(5), PixelFormat::kMono16, 0,
                                  {kLargeWidth, kLargeHeight})));
@@ -402,7 +450,8 @@ TEST(UvcTable, IsThatOfTheDriver) {
   };
   refused("device = \"/dev/video0\"\n", "card");
   refused("card = \"A name that the kernel would cut off\"\n", "at most 31");
-  refused("card = \"x\"\nlatency_ms = 5\n", "latency_ms");
+  EXPECT_EQ(Parsed("card = \"x\"\nlatency_ms = 60\n[peer]\nlatency_ms = 50\n"), absl::OkStatus());
+  refused("card = \"x\"\nlatency_ms = 50\n[peer]\nlatency_ms = 50\n", "greater than the 50 ms");
   refused("card = \"x\"\nstamps_at_exposure_start = true\n", "stamps_at_exposure_start");
   refused("card = \"x\"\n[peer]\nbits = 12\n", "bits");
 }
