@@ -1,4 +1,4 @@
-// In place of factory.cc where SDL2, Xlib or RandR was missing at build time.
+// In place of factory.cc where SDL2, Xlib, RandR or libdrm was missing at build time.
 #include "drivers/api/not_built.h"
 #include "drivers/display/driver.h"
 
@@ -6,8 +6,8 @@ namespace lightstage {
 namespace {
 
 constexpr char kMissing[] =
-    "this binary was built without SDL2: install libsdl2-dev, libx11-dev and libxrandr-dev and "
-    "build again";
+    "this binary was built without SDL2: install libsdl2-dev, libdrm-dev, libx11-dev and "
+    "libxrandr-dev and build again";
 
 }  // namespace
 

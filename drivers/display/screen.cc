@@ -29,7 +29,8 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using Steady = std::chrono::steady_clock;
 
-constexpr Duration kOpenPatience = seconds(8);
+// For a server that may hang; kmsdrm has none, and a GL that may have its shaders to compile.
+Duration OpenPatience(const std::string& backend) { return seconds(backend == "kmsdrm" ? 30 : 8); }
 constexpr Duration kClosePatience = seconds(2);
 
 class Fd {
@@ -219,7 +220,8 @@ absl::StatusOr<std::unique_ptr<Screen>> Screen::Open(const ScreenOptions& option
   // A frame takes a fiftieth of a second or less, except where nothing paces and the machine is busy.
   const Duration patience = seconds(1) + options.frames * milliseconds(50);
   std::unique_ptr<Screen> screen(new Screen(std::move(child), width, height, patience));
-  ASSIGN_OR_RETURN(screen->info_, screen->child_->Reply("that it is open", kOpenPatience));
+  ASSIGN_OR_RETURN(screen->info_,
+                   screen->child_->Reply("that it is open", OpenPatience(options.backend)));
   return screen;
 }
 
@@ -228,7 +230,7 @@ absl::StatusOr<std::vector<ScreenInfo>> Screen::ListOutputs(const ScreenOptions&
                    Child::Start({"list", options.backend, options.x_display}, 0));
   std::vector<ScreenInfo> outputs;
   while (true) {
-    absl::StatusOr<ScreenInfo> output = child->Reply("its outputs", kOpenPatience);
+    absl::StatusOr<ScreenInfo> output = child->Reply("its outputs", OpenPatience(options.backend));
     if (ErrorReason(output.status()) == "SCREEN_CLOSED") return outputs;
     if (!output.ok()) return output.status();
     outputs.push_back(*std::move(output));

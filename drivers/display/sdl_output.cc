@@ -28,8 +28,9 @@ absl::Status SdlError(std::string_view what) {
 }
 
 // Hints for exact pixels and nothing else on the screen. SDL's environment is this process' own.
-absl::Status StartSdl(const std::string& backend, const std::string& x_display) {
+absl::Status StartSdl(const std::string& backend, const std::string& x_display, int card) {
   if (backend == "x11" && !x_display.empty()) setenv("DISPLAY", x_display.c_str(), 1);
+  SDL_SetHint(SDL_HINT_KMSDRM_DEVICE_INDEX, absl::StrCat(card).c_str());
   SDL_SetMainReady();
   SDL_SetHintWithPriority(SDL_HINT_VIDEODRIVER, backend.c_str(), SDL_HINT_OVERRIDE);
   SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
@@ -64,27 +65,6 @@ ScreenInfo InfoOf(const Head& head) {
         head.name, head.width, head.height);
   }
   return info;
-}
-
-// What SDL knows of the outputs, where there is no X server to ask.
-std::vector<Head> SdlHeads() {
-  std::vector<Head> heads;
-  for (int i = 0; i < SDL_GetNumVideoDisplays(); ++i) {
-    SDL_DisplayMode mode;
-    SDL_Rect bounds;
-    if (SDL_GetDesktopDisplayMode(i, &mode) != 0 || SDL_GetDisplayBounds(i, &bounds) != 0) continue;
-    Head head;
-    const char* name = SDL_GetDisplayName(i);
-    head.name = name != nullptr ? name : absl::StrCat(i);
-    head.x = bounds.x;
-    head.y = bounds.y;
-    head.width = mode.w;
-    head.height = mode.h;
-    head.refresh_hz = mode.refresh_rate;
-    head.output = static_cast<uint64_t>(i);
-    heads.push_back(std::move(head));
-  }
-  return heads;
 }
 
 absl::StatusOr<Head> Choose(const std::vector<Head>& heads, const OutputOptions& options) {
@@ -130,9 +110,7 @@ absl::StatusOr<std::vector<ScreenInfo>> SdlOutput::List(const std::string& backe
     ASSIGN_OR_RETURN(std::unique_ptr<X11Server> server, X11Server::Connect(x_display));
     heads = server->Heads();
   } else {
-    RETURN_IF_ERROR(StartSdl(backend, x_display));
-    heads = SdlHeads();
-    SDL_Quit();
+    ASSIGN_OR_RETURN(heads, KmsCard::Heads());
   }
   std::vector<ScreenInfo> outputs;
   for (const Head& head : heads) outputs.push_back(InfoOf(head));
@@ -140,11 +118,14 @@ absl::StatusOr<std::vector<ScreenInfo>> SdlOutput::List(const std::string& backe
 }
 
 absl::Status SdlOutput::Start() {
+  std::vector<Head> heads;
   if (options_.backend == "x11") {
     ASSIGN_OR_RETURN(server_, X11Server::Connect(options_.x_display));
+    heads = server_->Heads();
+  } else {
+    ASSIGN_OR_RETURN(heads, KmsCard::Heads());
   }
-  RETURN_IF_ERROR(StartSdl(options_.backend, options_.x_display));
-  ASSIGN_OR_RETURN(head_, Choose(server_ != nullptr ? server_->Heads() : SdlHeads(), options_));
+  ASSIGN_OR_RETURN(head_, Choose(heads, options_));
   info_ = InfoOf(head_);
   if (head_.width != options_.width || head_.height != options_.height) {
     return Error(
@@ -154,7 +135,11 @@ absl::Status SdlOutput::Start() {
                         head_.name, head_.width, head_.height, options_.width, options_.height),
         {{"output", head_.name}});
   }
+  RETURN_IF_ERROR(StartSdl(options_.backend, options_.x_display, head_.card));
   RETURN_IF_ERROR(OpenWindow());
+  if (server_ == nullptr) {
+    ASSIGN_OR_RETURN(card_, KmsCard::Open(head_));
+  }
   pixels_.assign(static_cast<size_t>(head_.width) * head_.height, 0);
   read_back_.resize(pixels_.size());
   RETURN_IF_ERROR(MeasurePacing());
@@ -163,11 +148,12 @@ absl::Status SdlOutput::Start() {
 
 absl::Status SdlOutput::OpenWindow() {
   // kmsdrm knows full screen windows only; on X11 this one is over everything at its place without asking anybody.
-  const Uint32 flags = server_ != nullptr ? SDL_WINDOW_BORDERLESS | SDL_WINDOW_ALWAYS_ON_TOP
-                                          : SDL_WINDOW_FULLSCREEN_DESKTOP;
-  if (server_ == nullptr) sdl_display_ = static_cast<int>(head_.output);
-  window_ = SDL_CreateWindow("lightstage projector", head_.x, head_.y, head_.width, head_.height,
-                             flags | SDL_WINDOW_SHOWN);
+  const bool x11 = server_ != nullptr;
+  const int any = SDL_WINDOWPOS_UNDEFINED_DISPLAY(head_.place);
+  window_ = SDL_CreateWindow(
+      "lightstage projector", x11 ? head_.x : any, x11 ? head_.y : any, head_.width, head_.height,
+      SDL_WINDOW_SHOWN |
+          (x11 ? SDL_WINDOW_BORDERLESS | SDL_WINDOW_ALWAYS_ON_TOP : SDL_WINDOW_FULLSCREEN_DESKTOP));
   if (window_ == nullptr) return SdlError("opening the window");
   const bool software = options_.renderer == "software";
   renderer_ = SDL_CreateRenderer(
@@ -239,9 +225,17 @@ absl::Status SdlOutput::Present(bool read_back) {
     }
   }
   AwaitRefresh();
+  const uint32_t before = card_ != nullptr ? card_->Picture() : 0;
   SDL_RenderPresent(renderer_);
   presented_ = Steady::now();
-  return absl::OkStatus();
+  // SDL does not tell that the kernel refused it.
+  if (card_ == nullptr || card_->Picture() != before) return absl::OkStatus();
+  RETURN_IF_ERROR(card_->Check());
+  return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_BUSY",
+               absl::StrFormat("output %s was not given the picture by the kernel: does another "
+                               "program have /dev/dri/card%d, e.g. an X server?",
+                               head_.name, head_.card),
+               {{"output", head_.name}});
 }
 
 void SdlOutput::AwaitRefresh() {
@@ -249,23 +243,11 @@ void SdlOutput::AwaitRefresh() {
 }
 
 absl::Status SdlOutput::CheckMode() {
-  if (server_ != nullptr) return server_->Check(head_);
-  SDL_DisplayMode mode;
-  if (sdl_display_ >= SDL_GetNumVideoDisplays() ||
-      SDL_GetDesktopDisplayMode(sdl_display_, &mode) != 0) {
-    return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
-                 absl::StrCat("output ", head_.name, " was unplugged or switched off"),
-                 {{"output", head_.name}});
-  }
-  if (mode.w == head_.width && mode.h == head_.height) return absl::OkStatus();
-  return Error(absl::StatusCode::kFailedPrecondition, "DISPLAY_CHANGED",
-               absl::StrFormat("output %s was changed from %dx%d to %dx%d", head_.name, head_.width,
-                               head_.height, mode.w, mode.h),
-               {{"output", head_.name}});
+  return server_ != nullptr ? server_->Check(head_) : card_->Check();
 }
 
 absl::Status SdlOutput::Pump() {
-  bool resized = false, disconnected = false;
+  bool resized = false;
   SDL_Event event;
   while (SDL_PollEvent(&event) != 0) {
     switch (event.type) {
@@ -280,25 +262,16 @@ absl::Status SdlOutput::Pump() {
       case SDL_RENDER_DEVICE_RESET:
         stale_ = true;
         break;
-      case SDL_DISPLAYEVENT:
-        if (event.display.event == SDL_DISPLAYEVENT_DISCONNECTED && server_ == nullptr &&
-            static_cast<int>(event.display.display) == sdl_display_) {
-          disconnected = true;
-        }
-        break;
       default:
         break;
     }
   }
-  if (disconnected) {
-    return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
-                 absl::StrCat("output ", head_.name, " was unplugged"), {{"output", head_.name}});
-  }
   RETURN_IF_ERROR(CheckMode());
+  if (!resized || server_ == nullptr) return absl::OkStatus();  // kmsdrm: the mode is all there is
   int x = 0, y = 0, width = 0, height = 0;
   SDL_GetWindowPosition(window_, &x, &y);
   SDL_GetWindowSize(window_, &width, &height);
-  if (resized && (x != head_.x || y != head_.y || width != head_.width || height != head_.height)) {
+  if (x != head_.x || y != head_.y || width != head_.width || height != head_.height) {
     return Error(absl::StatusCode::kFailedPrecondition, "DISPLAY_CHANGED",
                  absl::StrFormat("the window on output %s was changed from %dx%d+%d+%d to "
                                  "%dx%d+%d+%d",
@@ -317,7 +290,9 @@ absl::Status SdlOutput::Show(std::span<const uint32_t> pixels) {
   }
   SDL_RaiseWindow(window_);
   const Steady::time_point begin = Steady::now();
-  for (int i = 0; i < options_.frames; ++i) RETURN_IF_ERROR(Present(true));
+  // SDL's kmsdrm waits for the picture before, not for the one that it takes (SDL 2.26): one more, so that the last has been taken up.
+  const int presents = options_.frames + (card_ != nullptr ? 1 : 0);
+  for (int i = 0; i < presents; ++i) RETURN_IF_ERROR(Present(true));
   // Whatever was measured: so many frames last so long.
   std::this_thread::sleep_until(begin + (options_.frames - 1) * RefreshTime(info_));
   AwaitRefresh();

@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "drivers/display/head.h"
+#include "drivers/display/kms_card.h"
 #include "drivers/display/screen_wire.h"
 #include "drivers/display/x11_server.h"
 
@@ -56,9 +58,10 @@ class SdlOutput {
   absl::Status MeasurePacing();
 
   const OutputOptions options_;
-  std::unique_ptr<X11Server> server_;  // nothing: kmsdrm
+  // One of the two, by the backend.
+  std::unique_ptr<X11Server> server_;
+  std::unique_ptr<KmsCard> card_;
   Head head_;
-  int sdl_display_ = 0;
   ScreenInfo info_;
   std::chrono::steady_clock::time_point presented_{};
   SDL_Window* window_ = nullptr;

@@ -9,17 +9,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "drivers/display/head.h"
 
 namespace lightstage {
-
-// An output that shows a part of the X screen.
-struct Head {
-  std::string name;
-  int x = 0, y = 0, width = 0, height = 0;
-  double refresh_hz = 0;  // 0: not known
-  bool preferred = true;  // the mode is the one that the output says it prefers, or it prefers none
-  uint64_t output = 0, crtc = 0, mode = 0;
-};
 
 class X11Server {
  public:

@@ -1,0 +1,37 @@
+// What the kernel says of the outputs of its graphics cards (KMS). For the screen process only: SDL has the outputs of one card, by number and
+// as they were when it began, and only logs that a picture was refused (SDL 2.26, KMSDRM_GLES_SwapWindow).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "drivers/display/head.h"
+
+namespace lightstage {
+
+class KmsCard {
+ public:
+  // The connected outputs of all cards, by the names that the kernel has for them ("HDMI-A-1"). NOT_FOUND / DEVICE_NOT_FOUND if there are none.
+  static absl::StatusOr<std::vector<Head>> Heads();
+
+  // The one of `head`. Once SDL has it: who opens a card first is its master, and that must be SDL.
+  static absl::StatusOr<std::unique_ptr<KmsCard>> Open(const Head& head);
+  ~KmsCard();
+  KmsCard(const KmsCard&) = delete;
+  KmsCard& operator=(const KmsCard&) = delete;
+
+  // That the output is as it was: UNAVAILABLE / DEVICE_LOST, FAILED_PRECONDITION / DISPLAY_CHANGED naming both modes.
+  absl::Status Check() const;
+
+  // The kernel's number for the picture that the output has been given last; 0: none.
+  uint32_t Picture() const;
+
+ private:
+  KmsCard(int file, const Head& head) : file_(file), head_(head) {}
+  const int file_;
+  const Head head_;
+};
+
+}  // namespace lightstage
