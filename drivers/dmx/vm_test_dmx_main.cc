@@ -5,7 +5,8 @@
 //   LIGHTSTAGE_DMX_SLOTS   of the universe, default 512
 //   LIGHTSTAGE_DMX_UNPLUG  if set: goes on until the device was lost and is back, at most a minute each
 //
-// Opens it, sets levels, darkens, closes. Lamps are at channels 1 to 8. Exit status 0 if all was confirmed; each step is a line.
+// Opens it, sets all lamps to 0, 51, 102 … 255, darkens, closes. They are at channels 1 to 8. Exit status 0 if all was confirmed; each step is a
+// line.
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
@@ -77,7 +78,7 @@ class Session {
 
   absl::Status Run() {
     RETURN_IF_ERROR(Open());
-    for (int step = 0; step <= 10; ++step) RETURN_IF_ERROR(Set(static_cast<float>(step) / 10));
+    for (int step = 0; step <= 5; ++step) RETURN_IF_ERROR(Set(static_cast<float>(step) / 5));
     if (!Environment("LIGHTSTAGE_DMX_UNPLUG", "").empty()) {
       std::printf("waiting for it to be unplugged\n");
       RETURN_IF_ERROR(Await(false));
