@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include "base/env.h"
@@ -105,10 +106,19 @@ TEST_F(CanBusTest, EveryoneIsToldOfBusOffAndOneConnectsForAll) {
   wire_.SetState(*mine_, CanState::kPassive);
   ASSERT_TRUE(Becomes([&] { return bus_->state() == CanState::kPassive; }));
   EXPECT_TRUE(five.Check().ok()) << "that is a warning only";
-  const TimePoint off = clock_.Now();
-  wire_.SetState(*mine_, CanState::kBusOff);
-  ASSERT_TRUE(Becomes([&] { return !five.Check().ok() && !nine.Check().ok(); }));
-  EXPECT_LT(clock_.Now() - off, seconds(10));
+  // At once, however busy the machine is now and then.
+  Duration shortest = seconds(20);
+  for (int i = 0; i < 5; ++i) {
+    wire_.SetState(*mine_, CanState::kActive);
+    ASSERT_TRUE(Becomes([&] { return bus_->trouble().ok(); }));
+    ASSERT_TRUE(five.Attach().ok());
+    ASSERT_TRUE(nine.Attach().ok());
+    const TimePoint off = clock_.Now();
+    wire_.SetState(*mine_, CanState::kBusOff);
+    ASSERT_TRUE(Becomes([&] { return !five.Check().ok() && !nine.Check().ok(); }));
+    shortest = std::min(shortest, clock_.Now() - off);
+  }
+  EXPECT_LT(shortest, milliseconds(100));
   EXPECT_THAT(std::string(five.Check().message()), HasSubstr("bus-off"));
   EXPECT_EQ(ErrorReason(bus_->Send(EncodeSync())), "DEVICE_LOST");
   EXPECT_FALSE(five.Attach().ok());

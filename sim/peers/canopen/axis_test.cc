@@ -323,18 +323,27 @@ TEST_F(CanopenAxisTest, LostSetpointIsOfferedOnceMore) {
 
 TEST_F(CanopenAxisTest, BusOffIsLostAndComesBackByHoming) {
   Open();
-  ASSERT_TRUE(Home().ok());
-  auto moving = Start(170, 20);
-  ASSERT_TRUE(BecomesMoving());
-  bench_.wire().SetState(bench_.master(), canopen::CanState::kBusOff);
-  const absl::Status lost = moving.Wait(kNever, "Move").status();
-  EXPECT_EQ(ErrorReason(lost), "DEVICE_LOST") << lost;
-  EXPECT_THAT(lost.message(), HasSubstr("bus-off"));
-  const absl::Status again = Home();
-  EXPECT_EQ(ErrorReason(again), "DEVICE_LOST") << again;
-  bench_.wire().SetState(bench_.master(), canopen::CanState::kActive);
-  ASSERT_TRUE(bench_.Becomes([&] { return bench_.bus()->trouble().ok(); }));
-  EXPECT_EQ(ErrorReason(Move(10)), "DEVICE_LOST");
+  // The move is told at once, however busy the machine is now and then.
+  Duration shortest = seconds(30);
+  for (int i = 0; i < 5; ++i) {
+    absl::Status home = Home();
+    ASSERT_TRUE(home.ok()) << home;
+    auto moving = Start(170, 20);
+    ASSERT_TRUE(BecomesMoving());
+    const TimePoint off = bench_.clock().Now();
+    bench_.wire().SetState(bench_.master(), canopen::CanState::kBusOff);
+    const absl::Status lost = moving.Wait(kNever, "Move").status();
+    shortest = std::min(shortest, bench_.clock().Now() - off);
+    EXPECT_EQ(lost.code(), absl::StatusCode::kUnavailable) << lost;
+    EXPECT_EQ(ErrorReason(lost), "DEVICE_LOST") << lost;
+    EXPECT_THAT(lost.message(), HasSubstr("bus-off"));
+    home = Home();
+    EXPECT_EQ(ErrorReason(home), "DEVICE_LOST") << home;
+    bench_.wire().SetState(bench_.master(), canopen::CanState::kActive);
+    ASSERT_TRUE(bench_.Becomes([&] { return bench_.bus()->trouble().ok(); }));
+    EXPECT_EQ(ErrorReason(Move(10)), "DEVICE_LOST");
+  }
+  EXPECT_LT(shortest, milliseconds(100));
   const absl::Status home = Home();
   EXPECT_TRUE(home.ok()) << home;
   EXPECT_TRUE(Move(10).ok());
