@@ -124,11 +124,15 @@ class Rig {
   }
   // What is allowed to go on while the rig is latched.
   enum class Latch { kRespect, kResetting };
-  absl::Status HomeAxis(AxisId id, uint64_t since, Latch latch);
+  // At rest if it fails or `cancelled` says that it is not wanted any more: CANCELLED / STOPPED.
+  absl::Status HomeAxis(
+      AxisId id, uint64_t since, Latch latch,
+      absl::FunctionRef<bool()> cancelled = [] { return false; });
   absl::Status HomeAll(uint64_t since, Latch latch);
   absl::StatusOr<AxisState> ReadAxis(AxisId id);
   // Homes it first if it does not know its position.
-  absl::StatusOr<AxisState> ReferencedAxis(AxisId id, uint64_t since);
+  absl::StatusOr<AxisState> ReferencedAxis(AxisId id, uint64_t since,
+                                           absl::FunctionRef<bool()> cancelled);
   // What a motion by hand ended with, at rest if it failed.
   absl::StatusOr<AxisState> EndByHand(AxisId id, Pending<AxisState>& motion, TimePoint deadline,
                                       std::string_view what);

@@ -64,7 +64,8 @@ absl::StatusOr<AxisState> Rig::ReadAxis(AxisId id) {
   return axis_state_[static_cast<int>(id)];
 }
 
-absl::Status Rig::HomeAxis(AxisId id, uint64_t since, Latch latch) {
+absl::Status Rig::HomeAxis(AxisId id, uint64_t since, Latch latch,
+                           absl::FunctionRef<bool()> cancelled) {
   Pending<AxisState> homed(clock_);
   TimePoint deadline = clock_.Now() + kHomingTimeout;
   {
@@ -73,7 +74,16 @@ absl::Status Rig::HomeAxis(AxisId id, uint64_t since, Latch latch) {
     RETURN_IF_ERROR(CheckUndisturbedLocked(since));
     mutable_axis(id)->Home(deadline, homed.sink());
   }
-  return WaitAxis(id, homed, deadline, "homing");
+  if (!WaitUnless(clock_, homed, deadline, cancelled)) {
+    absl::Status status = WaitAxis(id, homed, deadline, "homing");
+    if (status.ok()) return status;
+    if (absl::Status still = StopAxis(id); !still.ok()) spdlog::warn("{}", MessageOf(still));
+    return status;
+  }
+  RETURN_IF_ERROR(StopAxis(id));
+  return Error(absl::StatusCode::kCancelled, "STOPPED",
+               absl::StrCat(std::string(AxisName(id)), " was stopped while it was homed"),
+               {{"axis", std::string(AxisName(id))}});
 }
 
 absl::Status Rig::HomeAll(uint64_t since, Latch latch) {
@@ -152,7 +162,7 @@ absl::StatusOr<AxisState> Rig::MoveAxis(AxisId id, Angle target, double velocity
   if (!axis) return MissingDevice(AxisName(id), "a move");
   RETURN_IF_ERROR(CheckTarget(axis->info(), target));
   uint64_t since = disturbances();
-  ASSIGN_OR_RETURN(const AxisState now, ReferencedAxis(id, since));
+  ASSIGN_OR_RETURN(const AxisState now, ReferencedAxis(id, since, cancelled));
   TimePoint deadline = clock_.Now() +
                        MoveDuration(axis->info(), now.position, target, velocity_dps) +
                        device_timeout();
@@ -184,7 +194,16 @@ absl::StatusOr<AxisState> Rig::JogAxis(AxisId id, double velocity_dps, Duration 
                                  AxisName(id), low.degrees(), high.degrees()),
                  {{"axis", std::string(AxisName(id))}});
   }
-  RETURN_IF_ERROR(ReferencedAxis(id, since).status());
+  ASSIGN_OR_RETURN(const AxisState now, ReferencedAxis(id, since, cancelled));
+  const Angle limit = velocity_dps > 0 ? std::min(high, info.max) : std::max(low, info.min);
+  if (!info.continuous && (limit - now.position).degrees() * velocity_dps < 0) {
+    return Error(
+        absl::StatusCode::kOutOfRange, "AXIS_LIMIT",
+        absl::StrFormat("%s stands at %g deg, beyond its limit of %g deg: it can be moved, "
+                        "or jogged the other way",
+                        AxisName(id), now.position.degrees(), limit.degrees()),
+        {{"axis", std::string(AxisName(id))}});
+  }
   const TimePoint end = clock_.Now() + time;
   // The driver's own end is for a daemon that hangs.
   const TimePoint deadline = end + BrakingTime(info) + device_timeout();
@@ -197,7 +216,6 @@ absl::StatusOr<AxisState> Rig::JogAxis(AxisId id, double velocity_dps, Duration 
     if (info.continuous) {
       axis->Turn(velocity_dps, deadline, motion.sink());
     } else {
-      const Angle limit = velocity_dps > 0 ? std::min(high, info.max) : std::max(low, info.min);
       axis->Move(limit, std::abs(velocity_dps), deadline, motion.sink());
     }
   }
@@ -211,10 +229,11 @@ absl::StatusOr<AxisState> Rig::JogAxis(AxisId id, double velocity_dps, Duration 
   return axis_state_[static_cast<int>(id)];
 }
 
-absl::StatusOr<AxisState> Rig::ReferencedAxis(AxisId id, uint64_t since) {
+absl::StatusOr<AxisState> Rig::ReferencedAxis(AxisId id, uint64_t since,
+                                              absl::FunctionRef<bool()> cancelled) {
   ASSIGN_OR_RETURN(const AxisState now, ReadAxis(id));
   if (now.homed) return now;
-  RETURN_IF_ERROR(HomeAxis(id, since, Latch::kRespect));
+  RETURN_IF_ERROR(HomeAxis(id, since, Latch::kRespect, cancelled));
   return ReadAxis(id);
 }
 

@@ -190,6 +190,20 @@ TEST_F(RigTest, LampsThatWentDarkByThemselvesAreUnknownAndADisturbance) {
   EXPECT_EQ(rig_->Snapshot(false).lamp_levels[0], 1.0f);
 }
 
+TEST_F(RigTest, AHomingThatNobodyWaitsForIsStopped) {
+  HomingAxis* axis = UseHomingAxis();
+  Open();
+  for (bool jog : {false, true}) {
+    axis->stopped_at = {};
+    const auto gone = [] { return true; };
+    const absl::Status moved =
+        jog ? rig_->JogAxis(AxisId::kTurntable, 5, std::chrono::seconds(1), gone).status()
+            : rig_->MoveAxis(AxisId::kTurntable, Degrees(30), 0, gone).status();
+    EXPECT_EQ(ErrorReason(moved), "STOPPED") << moved;
+    EXPECT_NE(axis->stopped_at, TimePoint{});
+  }
+}
+
 TEST_F(RigTest, SilentLampsDoNotDelayTheAxisStop) {
   TimedLamps* lamps = UseTimedLamps();
   HomingAxis* axis = UseHomingAxis();

@@ -40,7 +40,10 @@ absl::StatusOr<std::unique_ptr<Camera>> AravisCamera::Open(const AravisOptions& 
 AravisCamera::AravisCamera(const AravisOptions& options, const DeviceContext& context)
     : StreamingCamera(context), options_(options) {}
 
-AravisCamera::~AravisCamera() { thread_.Close(); }
+AravisCamera::~AravisCamera() {
+  thread_.Close();
+  link_.reset();  // its threads use what follows
+}
 
 absl::StatusOr<std::unique_ptr<AravisLink>> AravisCamera::Connect() {
   AravisLink::Events events;
@@ -50,8 +53,8 @@ absl::StatusOr<std::unique_ptr<AravisLink>> AravisCamera::Connect() {
   events.buffer_done = [this](uint64_t session) {
     thread_.Post([this, session] { OnBuffer(session); });
   };
-  events.exposure_ended = [this](TimePoint time) {
-    thread_.Post([this, time] { OnExposureEnded(time); });
+  events.exposure_ended = [this](uint64_t frame_id, TimePoint time) {
+    thread_.Post([this, frame_id, time] { OnExposureEnded(frame_id, time); });
   };
   events.lost = [this](const std::string& why) { OnLost(why); };
   return AravisLink::Open(options_, name_, clock_, std::move(events));
@@ -204,9 +207,12 @@ void AravisCamera::OnFirstPacket(uint64_t session, TimePoint time) {
   if (active_ && CanBeOver(*active_, time)) active_->EndExposure(time);
 }
 
-void AravisCamera::OnExposureEnded(TimePoint time) {
-  // An earlier one's event that was sent again comes while this one is exposed.
-  if (!streaming_ || !active_ || !CanBeOver(*active_, time) || told_end_.has_value()) return;
+void AravisCamera::OnExposureEnded(uint64_t frame_id, TimePoint time) {
+  // An earlier frame's event may be sent again while this one is exposed.
+  if (!streaming_ || !active_ || told_end_.has_value() || frame_id != link_->next_frame_id() ||
+      !CanBeOver(*active_, time)) {
+    return;
+  }
   told_end_ = time;
   active_->EndExposure(time);
 }

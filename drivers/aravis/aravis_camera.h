@@ -45,7 +45,7 @@ class AravisCamera final : public StreamingCamera {
   void DoTrigger(const std::shared_ptr<CameraShot>& shot) override;
   void DoDisarm() override;
   void OnFirstPacket(uint64_t session, TimePoint time);
-  void OnExposureEnded(TimePoint time);
+  void OnExposureEnded(uint64_t frame_id, TimePoint time);
   void OnBuffer(uint64_t session);
   void FinishActive(AravisLink::Taken taken);
   // Whether the exposure can be over at `time`.

@@ -15,8 +15,8 @@ namespace lightstage {
 namespace {
 
 // GigE Vision 2.0, clauses 15 to 18.
-constexpr uint16_t kReadRegister = 0x0080, kReadRegisterAck = 0x0081, kEvent = 0x00C0,
-                   kEventAck = 0x00C1, kEventData = 0x00C2, kEventDataAck = 0x00C3;
+constexpr uint16_t kReadRegister = 0x0080, kReadRegisterAck = 0x0081, kPendingAck = 0x0089,
+                   kEvent = 0x00C0, kEventAck = 0x00C1, kEventData = 0x00C2, kEventDataAck = 0x00C3;
 constexpr int kKey = 0x42, kWantsAcknowledge = 0x01, kExtendedIds = 0x10;
 constexpr size_t kHeader = 8, kShortEvent = 16, kLongEvent = 24;
 
@@ -43,9 +43,9 @@ std::array<std::byte, 12> EncodeReadRegister(uint16_t id, uint32_t address) {
 }
 
 std::optional<GvcpAnswer> DecodeReadRegister(std::span<const std::byte> packet, uint16_t id) {
-  if (packet.size() < kHeader || Get16(&packet[2]) != kReadRegisterAck || Get16(&packet[6]) != id) {
-    return std::nullopt;
-  }
+  if (packet.size() < kHeader || Get16(&packet[6]) != id) return std::nullopt;
+  if (Get16(&packet[2]) == kPendingAck) return GvcpAnswer{.refused = true};
+  if (Get16(&packet[2]) != kReadRegisterAck) return std::nullopt;
   if (Get16(&packet[0]) != 0) return GvcpAnswer{.refused = true};
   if (packet.size() < kHeader + 4 || Get16(&packet[4]) < 4) return std::nullopt;
   return GvcpAnswer{.value = static_cast<uint32_t>(Get16(&packet[8])) << 16 | Get16(&packet[10])};
@@ -64,7 +64,13 @@ std::optional<GvcpEvents> DecodeEvents(std::span<const std::byte> packet) {
   events.with_data = command == kEventData;
   events.wants_acknowledge = (flags & kWantsAcknowledge) != 0;
   for (size_t at = 0; at + size <= length; at += size) {
-    events.ids.push_back(Get16(&packet[kHeader + at + 2]));
+    const std::byte* event = &packet[kHeader + at];
+    uint64_t frame_id = Get16(event + 6);
+    if (size == kLongEvent) {
+      frame_id = 0;
+      for (int i = 0; i < 4; ++i) frame_id = frame_id << 16 | Get16(event + 8 + 2 * i);
+    }
+    events.events.push_back({Get16(event + 2), frame_id});
     if (events.with_data) break;
   }
   return events;

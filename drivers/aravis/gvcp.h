@@ -26,7 +26,8 @@ constexpr uint32_t kGvcpMessageChannels = 0x0900, kGvcpControlPrivilege = 0x0A00
 // READREG_CMD for one register.
 std::array<std::byte, 12> EncodeReadRegister(uint16_t id, uint32_t address);
 
-// READREG_ACK to question `id`; nothing if it is anything else. A refusal is an answer without a value.
+// READREG_ACK to question `id`; nothing if it is anything else. A refusal, or the word that it takes a while (PENDING_ACK), is an answer without
+// a value.
 struct GvcpAnswer {
   bool refused = false;
   uint32_t value = 0;
@@ -35,11 +36,15 @@ std::optional<GvcpAnswer> DecodeReadRegister(std::span<const std::byte> packet, 
 
 // EVENT_CMD or EVENTDATA_CMD, with 16 or 64 bits of block id; nothing if it is anything else, or cut off. Of EVENTDATA_CMD the data are skipped, and
 // with them all events but the first.
+struct GvcpEvent {
+  uint16_t id = 0;
+  uint64_t frame_id = 0;  // 0: of none
+};
 struct GvcpEvents {
   uint16_t request = 0;
   bool with_data = false;
   bool wants_acknowledge = false;
-  std::vector<uint16_t> ids;
+  std::vector<GvcpEvent> events;
 };
 std::optional<GvcpEvents> DecodeEvents(std::span<const std::byte> packet);
 std::array<std::byte, 8> EncodeEventAcknowledge(const GvcpEvents& events);

@@ -10,7 +10,8 @@
 namespace lightstage {
 
 absl::StatusOr<std::unique_ptr<GvcpEventChannel>> GvcpEventChannel::Open(
-    const sockaddr_in& camera, Clock& clock, std::function<void(uint16_t id, TimePoint)> event) {
+    const sockaddr_in& camera, Clock& clock,
+    std::function<void(const GvcpEvent&, TimePoint)> event) {
   sockaddr_in any_port = camera;
   any_port.sin_port = 0;
   ASSIGN_OR_RETURN(GvcpSocket socket, GvcpSocket::Open(any_port));
@@ -19,7 +20,7 @@ absl::StatusOr<std::unique_ptr<GvcpEventChannel>> GvcpEventChannel::Open(
 }
 
 GvcpEventChannel::GvcpEventChannel(GvcpSocket socket, const sockaddr_in& camera, Clock& clock,
-                                   std::function<void(uint16_t id, TimePoint)> event)
+                                   std::function<void(const GvcpEvent&, TimePoint)> event)
     : socket_(std::move(socket)),
       camera_(camera.sin_addr),
       clock_(clock),
@@ -54,7 +55,7 @@ void GvcpEventChannel::Listen() {
              from_size);
     }
     if (std::exchange(last, events->request) == events->request) continue;
-    for (uint16_t id : events->ids) event_(id, now);
+    for (const GvcpEvent& event : events->events) event_(event, now);
   }
 }
 

@@ -11,10 +11,11 @@ namespace lightstage {
 
 class GvcpEventChannel {
  public:
-  // `event` is called with an event's id and when it arrived, on a thread of the channel; must be short. An event that the camera sends again,
+  // `event` is called with an event and when it arrived, on a thread of the channel; must be short. An event that the camera sends again,
   // because our acknowledgement was lost, is told once.
   static absl::StatusOr<std::unique_ptr<GvcpEventChannel>> Open(
-      const sockaddr_in& camera, Clock& clock, std::function<void(uint16_t id, TimePoint)> event);
+      const sockaddr_in& camera, Clock& clock,
+      std::function<void(const GvcpEvent&, TimePoint)> event);
   // No call comes after it.
   ~GvcpEventChannel();
 
@@ -23,13 +24,13 @@ class GvcpEventChannel {
 
  private:
   GvcpEventChannel(GvcpSocket socket, const sockaddr_in& camera, Clock& clock,
-                   std::function<void(uint16_t id, TimePoint)> event);
+                   std::function<void(const GvcpEvent&, TimePoint)> event);
   void Listen();
 
   const GvcpSocket socket_;
   const in_addr camera_;
   Clock& clock_;
-  const std::function<void(uint16_t id, TimePoint)> event_;
+  const std::function<void(const GvcpEvent&, TimePoint)> event_;
   std::thread thread_;
 };
 

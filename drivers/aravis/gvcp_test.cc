@@ -41,6 +41,8 @@ TEST(Gvcp, AnswersAreTakenForTheirQuestionOnly) {
   const auto refused = DecodeReadRegister(Bytes({0x80, 0x06, 0, 0x81, 0, 0, 0x12, 0x34}), 0x1234);
   ASSERT_TRUE(refused.has_value());
   EXPECT_TRUE(refused->refused);
+  const auto pending = DecodeReadRegister(Bytes({0, 0, 0, 0x89, 0, 4, 0x12, 0x34}), 0x1234);
+  EXPECT_TRUE(pending.has_value()) << "it is there, and takes a while";
   auto other = answer;
   other[3] = std::byte{0x83};  // WRITEREG_ACK
   EXPECT_FALSE(DecodeReadRegister(other, 0x1234).has_value());
@@ -57,7 +59,9 @@ TEST(Gvcp, EventsAreTakenApart) {
   ASSERT_TRUE(event.has_value());
   EXPECT_EQ(event->request, 0x1234);
   EXPECT_TRUE(event->wants_acknowledge);
-  EXPECT_EQ(event->ids, std::vector<uint16_t>{0x9003});
+  ASSERT_EQ(event->events.size(), 1u);
+  EXPECT_EQ(event->events[0].id, 0x9003);
+  EXPECT_EQ(event->events[0].frame_id, 7u);
   const auto acknowledge = EncodeEventAcknowledge(*event);
   EXPECT_EQ(std::vector(acknowledge.begin(), acknowledge.end()),
             Bytes({0, 0, 0, 0xC1, 0, 0, 0x12, 0x34}));
@@ -69,16 +73,20 @@ TEST(Gvcp, EventsAreTakenApart) {
   two[5] = std::byte{32};
   two.insert(two.end(), one.begin() + 8, one.end());
   two[24 + 3] = std::byte{4};
-  EXPECT_EQ(DecodeEvents(two)->ids, (std::vector<uint16_t>{0x9003, 0x9004}));
+  ASSERT_EQ(DecodeEvents(two)->events.size(), 2u);
+  EXPECT_EQ(DecodeEvents(two)->events[1].id, 0x9004);
   auto extended = one;
   extended[1] = std::byte{0x11};
   extended[5] = std::byte{24};
   EXPECT_FALSE(DecodeEvents(extended).has_value()) << "8 bytes are missing";
   extended.resize(32);
-  EXPECT_EQ(DecodeEvents(extended)->ids, std::vector<uint16_t>{0x9003});
+  extended[8 + 15] = std::byte{5};
+  ASSERT_EQ(DecodeEvents(extended)->events.size(), 1u);
+  EXPECT_EQ(DecodeEvents(extended)->events[0].id, 0x9003);
+  EXPECT_EQ(DecodeEvents(extended)->events[0].frame_id, 5u);
   auto with_data = two;
   with_data[3] = std::byte{0xC2};
-  EXPECT_EQ(DecodeEvents(with_data)->ids, std::vector<uint16_t>{0x9003});
+  EXPECT_EQ(DecodeEvents(with_data)->events.size(), 1u);
   EXPECT_EQ(EncodeEventAcknowledge(*DecodeEvents(with_data))[3], std::byte{0xC3});
   auto other = one;
   other[3] = std::byte{0x81};

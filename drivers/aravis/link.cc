@@ -356,6 +356,11 @@ AravisLink::Taken AravisLink::Take(ArvBuffer* buffer) {
   return taken;
 }
 
+uint64_t AravisLink::next_frame_id() const {
+  if (!last_frame_id_) return 0;
+  return *last_frame_id_ == 65535 ? 1 : *last_frame_id_ + 1;
+}
+
 // GigE Vision's 16-bit frame ids run from 1 to 65535; longer ones do not wrap.
 uint64_t AravisLink::NextSequence(uint64_t frame_id) {
   uint64_t ahead = 1;

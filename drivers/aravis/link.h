@@ -40,7 +40,8 @@ class AravisLink {
   struct Events {
     std::function<void(uint64_t session, TimePoint)> first_packet;  // of a frame
     std::function<void(uint64_t session)> buffer_done;              // TakeBuffer() has something
-    std::function<void(TimePoint)> exposure_ended;  // of cameras that tell it; arrival of the event
+    // Of cameras that tell it: of which frame, and when that arrived.
+    std::function<void(uint64_t frame_id, TimePoint)> exposure_ended;
     std::function<void(const std::string& why)> lost;
   };
 
@@ -63,6 +64,8 @@ class AravisLink {
   // Best effort; the stream's threads have ended afterwards.
   void StopStream();
   uint64_t session() const { return session_; }
+  // What the next frame's id should be, if none is lost; 0: none has come yet.
+  uint64_t next_frame_id() const;
 
   // What the camera really uses. Costs nothing if it is already set.
   absl::StatusOr<Duration> SetExposure(Duration exposure);

@@ -222,10 +222,13 @@ absl::Status AravisLink::PrepareEvents() {
     id = static_cast<uint16_t>(arv_camera_get_integer(camera_, "EventExposureEnd", error.out()));
     RETURN_IF_ERROR(Check(error.get(), "reading EventExposureEnd"));
   }
-  ASSIGN_OR_RETURN(event_channel_,
-                   GvcpEventChannel::Open(camera, clock_, [this, id](uint16_t told, TimePoint at) {
-                     if (reporting_ && (!id.has_value() || told == *id)) events_.exposure_ended(at);
-                   }));
+  ASSIGN_OR_RETURN(
+      event_channel_,
+      GvcpEventChannel::Open(camera, clock_, [this, id](const GvcpEvent& told, TimePoint at) {
+        if (reporting_ && (!id.has_value() || told.id == *id)) {
+          events_.exposure_ended(told.frame_id, at);
+        }
+      }));
   const sockaddr_in own = event_channel_->address();
   RETURN_IF_ERROR(WriteRegister(kGvcpMessageAddress, ntohl(own.sin_addr.s_addr)));
   RETURN_IF_ERROR(WriteRegister(kGvcpMessageTimeoutMs, kTimeoutMs));

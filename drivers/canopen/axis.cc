@@ -106,10 +106,13 @@ absl::Status CanopenAxisLink::WatchEachOther() {
       const bool watches,
       node_.WriteOptional(kConsumerHeartbeat, ConsumerHeartbeat(o.heartbeat_id, time), 4));
   ASSIGN_OR_RETURN(const bool brakes, node_.WriteOptional(kAbortOption, kAbortByQuickStop, 2));
-  if (!watches || !brakes) {
-    spdlog::warn("{} {}: it goes on moving to its target if this daemon dies", node_.Where(),
-                 watches ? "has no abort connection option code (6007h)"
-                         : "can not watch this computer's heartbeat (1016h)");
+  brakes_alone_ = watches && brakes;
+  if (!brakes_alone_) {
+    spdlog::warn(
+        "{} {}: it goes on moving to its target if this daemon dies, and is not turned without one",
+        node_.Where(),
+        watches ? "has no abort connection option code (6007h)"
+                : "can not watch this computer's heartbeat (1016h)");
   }
   return absl::OkStatus();
 }
@@ -522,21 +525,36 @@ absl::Status CanopenAxisLink::StartMove(Angle target, double velocity_dps) {
   return absl::OkStatus();
 }
 
-absl::Status CanopenAxisLink::StartTurn(double velocity_dps) {
+absl::Status CanopenAxisLink::StartTurn(double velocity_dps, Duration longest) {
   RETURN_IF_ERROR(node_.Check());
+  if (!brakes_alone_) {
+    return node_.Fault(absl::StatusCode::kUnimplemented, "CANNOT_TURN",
+                       "would turn for ever if this daemon dies: it has no consumer heartbeat "
+                       "(1016h) or no abort connection option code (6007h)");
+  }
   ASSIGN_OR_RETURN(const std::optional<uint32_t> modes, node_.ReadOptional(kSupportedModes));
   if (modes.has_value() && (*modes >> (kModeProfileVelocity - 1) & 1) == 0) {
     return node_.Fault(absl::StatusCode::kUnimplemented, "CANNOT_TURN",
                        absl::StrFormat("has no profile velocity mode (6502h: %08Xh)", *modes));
   }
-  const double velocity = std::max(1.0, PerTurn(velocity_dps, options_.velocity_units)) *
-                          std::copysign(1.0, velocity_dps * options_.units_per_turn);
-  if (std::abs(velocity) > INT32_MAX) {
+  const double exact = std::abs(velocity_dps) / 360 * options_.velocity_units;
+  if (std::abs(std::round(exact) - exact) > 0.1 * exact || exact > INT32_MAX) {
     return node_.Fault(
         absl::StatusCode::kOutOfRange, "AXIS_VELOCITY",
-        absl::StrFormat("can not turn at %g deg/s: %.0f does not fit into the target velocity "
-                        "(60FFh)",
-                        velocity_dps, velocity));
+        absl::StrFormat("can not turn at %g deg/s: that is %g velocity units (60FFh)", velocity_dps,
+                        exact));
+  }
+  const double velocity = std::copysign(std::round(exact), velocity_dps * options_.units_per_turn);
+  // Its position would begin anew at the other end, and nobody would know.
+  ASSIGN_OR_RETURN(const int32_t from, node_.ReadSigned(kPosition));
+  const double to = from + velocity_dps * Seconds(longest) / 360 * options_.units_per_turn;
+  if (!(to >= INT32_MIN && to <= INT32_MAX)) {
+    return node_.Fault(
+        absl::StatusCode::kOutOfRange, "AXIS_LIMIT",
+        absl::StrFormat(
+            "can not turn at %g deg/s for %g s: it would come to position %.0f, and it "
+            "counts from %d to %d; turn it for a shorter time, or home it to begin anew",
+            velocity_dps, Seconds(longest), to, INT32_MIN, INT32_MAX));
   }
   // What the last turn left in it is not to be turned at when the mode changes.
   RETURN_IF_ERROR(node_.WriteInteger(kTargetVelocity, static_cast<int64_t>(velocity), 4));

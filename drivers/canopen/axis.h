@@ -27,7 +27,7 @@ class CanopenAxisLink final : public AxisLink {
   absl::StatusOr<AxisReading> Read() override;
   absl::Status StartHome() override;
   absl::Status StartMove(Angle target, double velocity_dps) override;
-  absl::Status StartTurn(double velocity_dps) override;
+  absl::Status StartTurn(double velocity_dps, Duration longest) override;
   absl::Status Halt() override;
 
   // The drive's statusword and position come by TPDO 1.
@@ -72,7 +72,8 @@ class CanopenAxisLink final : public AxisLink {
   bool connected_ = false;
   bool by_pdo_ = false;
   bool homed_ = false;
-  int8_t mode_ = 0;  // 6061h as last confirmed; 0: unknown
+  bool brakes_alone_ = false;  // it watches our heartbeat, and quick-stops without
+  int8_t mode_ = 0;            // 6061h as last confirmed; 0: unknown
   uint16_t control_ = 0;
   Motion motion_ = Motion::kNone;
   TimePoint homing_since_{};

@@ -14,6 +14,10 @@ namespace {
 
 // So long after its command a drive may still say that it stands where it was.
 constexpr Duration kStartGrace = std::chrono::milliseconds(500);
+// No turn is to be longer.
+constexpr Duration kLongestTurn = std::chrono::hours(24);
+// A halt that was not confirmed is commanded again so often.
+constexpr Duration kHaltAgain = std::chrono::milliseconds(500);
 
 class LinkedAxis final : public Axis {
  public:
@@ -96,12 +100,17 @@ class LinkedAxis final : public Axis {
     }
     auto operation = thread_.Start(std::move(done), deadline, "the stop");
     thread_.Post([this, operation] {
+      const bool commanded = motion_ != nullptr && motion_->stage != Motion::kWaiting;
       motion_.reset();
-      // Even if nothing seems to move: a stop is to be trusted.
-      if (absl::Status halted = Note(link_->Halt()); !halted.ok()) {
+      // Even if nothing seems to move: a stop is to be trusted. Connecting anew leaves it at rest.
+      absl::Status halted = Note(link_->Halt());
+      if (!halted.ok() && lost_) halted = Note(Reconnect());
+      if (!halted.ok()) {
         operation->Fail(halted);
+        if (commanded) KeepHalting();
         return;
       }
+      must_halt_ = false;
       stops_.push_back(operation);
       Poll();
     });
@@ -114,7 +123,8 @@ class LinkedAxis final : public Axis {
     double velocity_dps = 0;  // of a turn it has a sign
     std::shared_ptr<Operation<AxisState>> operation{};
     enum { kWaiting, kUnderWay, kSettling } stage = kWaiting;
-    Angle goal{};  // the target on the way that is taken
+    Angle goal{};  // the target on the way that is taken; of a turn: where it was last seen to move
+    TimePoint deadline{};
     bool reconnected = false;
     TimePoint since{};  // this stage began; of a turn: it was last seen to move
   };
@@ -123,6 +133,7 @@ class LinkedAxis final : public Axis {
 
   void Begin(Motion told, const std::string& what, TimePoint deadline, Completion<AxisState> done) {
     auto motion = std::make_shared<Motion>(std::move(told));
+    motion->deadline = deadline;
     motion->operation = std::make_shared<Operation<AxisState>>(std::move(done));
     bool busy;
     {
@@ -140,7 +151,7 @@ class LinkedAxis final : public Axis {
       return;
     }
     thread_.Post([this, motion] {
-      if (motion_ != nullptr) Note(link_->Halt()).IgnoreError();  // the last one was too late
+      if (motion_ != nullptr) HaltIt();  // the last one was too late
       motion_ = motion;
       Poll();
     });
@@ -203,7 +214,7 @@ class LinkedAxis final : public Axis {
     if (motion_ != nullptr && motion_->operation->finished()) {
       // Too late: what nobody waits for is not to go on.
       motion_.reset();
-      Note(link_->Halt()).IgnoreError();  // who moves it next finds it moving
+      HaltIt();  // who moves it next finds it moving
     }
     if (motion_ == nullptr && stops_.empty()) return std::nullopt;
     if (motion_ != nullptr && lost_) {
@@ -228,6 +239,7 @@ class LinkedAxis final : public Axis {
     if (motion_ == nullptr) return;
     // That the link was lost may only show now: homing connects anew in the next step, and begins again.
     if (lost_ && motion_->kind == Motion::kHome && !std::exchange(motion_->reconnected, true)) {
+      if (motion_->stage != Motion::kWaiting) HaltIt();
       motion_->stage = Motion::kWaiting;
       return;
     }
@@ -239,7 +251,7 @@ class LinkedAxis final : public Axis {
     // Told first: to a drive that does not answer a halt takes its time.
     const bool commanded = motion_->stage != Motion::kWaiting;
     End(error);
-    if (commanded) Note(link_->Halt()).IgnoreError();
+    if (commanded) HaltIt();
   }
 
   void GoOn(const AxisReading& reading) {
@@ -254,8 +266,13 @@ class LinkedAxis final : public Axis {
         return;
       case Motion::kUnderWay:
         if (motion_->kind == Motion::kTurn) {
-          if (reading.moving) motion_->since = clock_.Now();
-          if (!reading.moving && taken > kStartGrace) End(Stalled(reading));
+          if (reading.moving || IsOff(reading.position - motion_->goal)) {
+            motion_->goal = reading.position;
+            motion_->since = clock_.Now();
+          } else if (taken > StallPatience()) {
+            End(Stalled(reading));
+            HaltIt();
+          }
           return;
         }
         if (reading.moving) return;
@@ -276,6 +293,7 @@ class LinkedAxis final : public Axis {
 
   void StartMotion(const AxisReading& from) {
     absl::Status started;
+    must_halt_ = false;  // it stands
     rest_.reset();
     if (motion_->kind == Motion::kHome) {
       started = link_->StartHome();
@@ -285,7 +303,10 @@ class LinkedAxis final : public Axis {
                       absl::StrCat(name_, " must be homed first"), {{"axis", name_}});
     } else {
       if (motion_->kind == Motion::kTurn) {
-        started = link_->StartTurn(motion_->velocity_dps);
+        motion_->goal = from.position;
+        started =
+            link_->StartTurn(motion_->velocity_dps,
+                             std::min<Duration>(motion_->deadline - clock_.Now(), kLongestTurn));
       } else {
         motion_->goal = info_.continuous
                             ? from.position + MoveDistance(info_, from.position, motion_->target)
@@ -295,11 +316,40 @@ class LinkedAxis final : public Axis {
       if (!started.ok() && !RefusedAtRest(started)) Doubt(MessageOf(started));
     }
     if (!Note(started).ok()) {
-      if (!lost_) Note(link_->Halt()).IgnoreError();  // a part of it may have gone through
-      return End(started);
+      End(started);
+      if (!RefusedAtRest(started)) HaltIt();  // a part of it may have gone through
+      return;
     }
     motion_->stage = Motion::kUnderWay;
     motion_->since = clock_.Now();
+  }
+
+  // Of what was commanded. If it can not be confirmed nobody knows whether it moves: it is commanded again until it is.
+  void HaltIt() {
+    if (Note(link_->Halt()).ok()) {
+      must_halt_ = false;
+    } else {
+      KeepHalting();
+    }
+  }
+
+  void KeepHalting() {
+    must_halt_ = true;
+    if (std::exchange(halting_, true)) return;
+    thread_.PostAt(clock_.Now() + kHaltAgain, [this] {
+      halting_ = false;
+      if (!must_halt_) return;
+      const absl::Status halted = Note(lost_ ? Reconnect() : link_->Halt());
+      if (!halted.ok()) return KeepHalting();
+      must_halt_ = false;
+      spdlog::warn("{}: halted, after that could not be confirmed before", name_);
+    });
+  }
+
+  // A slow turn needs a while to get beyond what counts as standing.
+  Duration StallPatience() const {
+    const double far_enough = 3 * info_.tolerance.degrees() / std::abs(motion_->velocity_dps);
+    return std::max<Duration>(kStartGrace, FromSeconds(std::min(far_enough, 3600.0)));
   }
 
   // What is out of range, or not possible at all, is refused before anything moves.
@@ -328,7 +378,7 @@ class LinkedAxis final : public Axis {
 
   absl::Status Reconnect() {
     RETURN_IF_ERROR(link_->Connect());
-    lost_ = false;
+    lost_ = must_halt_ = false;
     spdlog::info("{}: connected anew", name_);
     return absl::OkStatus();
   }
@@ -376,6 +426,8 @@ class LinkedAxis final : public Axis {
   bool doubtful_ = false;      // whether it is still homed
   std::optional<Angle> rest_;  // where it stands and has stood since it was last asked
   bool polling_ = false;
+  bool must_halt_ = false;  // a halt of what was commanded is not confirmed
+  bool halting_ = false;    // it is going to be commanded again
   std::shared_ptr<Motion> motion_;
   std::vector<std::shared_ptr<Operation<AxisState>>> stops_;
 

@@ -36,9 +36,10 @@ class AxisLink {
   virtual absl::Status StartHome() = 0;
   // `target` is one that can be reached from where it stands; of a continuous axis it lies within half a turn. `velocity_dps` > 0.
   virtual absl::Status StartMove(Angle target, double velocity_dps) = 0;
-  // Turns at `velocity_dps` (signed, not 0) until Halt(). Asked of continuous axes only. UNIMPLEMENTED / CANNOT_TURN if the
-  // drive can only be positioned.
-  virtual absl::Status StartTurn(double velocity_dps) = 0;
+  // Turns at `velocity_dps` (signed, not 0) until Halt(). Asked of continuous axes only. A drive that nobody reaches any more must stop by itself,
+  // after `longest` at the latest; UNIMPLEMENTED / CANNOT_TURN if it would not, or can only be positioned. OUT_OF_RANGE if it can not
+  // count so far.
+  virtual absl::Status StartTurn(double velocity_dps, Duration longest) = 0;
   // Starts to brake.
   virtual absl::Status Halt() = 0;
 };

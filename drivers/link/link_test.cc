@@ -32,6 +32,7 @@ struct Drive {
   bool deaf = false;       // takes commands and does nothing
   double slips = 0;        // degrees by which it misses
   absl::Status next_read;  // what the next Read fails with
+  absl::Status halt;       // what Halt fails with, and does nothing
 
   double At(TimePoint now) const {
     const double way = dps * Seconds(now - start);
@@ -53,7 +54,8 @@ class DriveLink final : public AxisLink {
   absl::Status Connect() override {
     MutexLock lock(&drive_.mutex);
     drive_.connected = true;
-    drive_.homed = false;
+    drive_.homed = drive_.homing = false;
+    drive_.from = drive_.to = drive_.At(drive_.clock.Now());
     ++drive_.connects;
     return absl::OkStatus();
   }
@@ -94,7 +96,7 @@ class DriveLink final : public AxisLink {
     if (!drive_.deaf) drive_.Go(target.degrees() + drive_.slips, velocity_dps);
     return absl::OkStatus();
   }
-  absl::Status StartTurn(double velocity_dps) override {
+  absl::Status StartTurn(double velocity_dps, Duration) override {
     MutexLock lock(&drive_.mutex);
     if (drive_.deaf) return absl::OkStatus();
     drive_.Go(std::copysign(1e9, velocity_dps), std::abs(velocity_dps));
@@ -103,6 +105,7 @@ class DriveLink final : public AxisLink {
   absl::Status Halt() override {
     MutexLock lock(&drive_.mutex);
     ++drive_.halts;
+    if (!drive_.halt.ok()) return drive_.halt;
     drive_.homing = false;
     drive_.from = drive_.to = drive_.At(drive_.clock.Now());
     return absl::OkStatus();
@@ -227,6 +230,55 @@ TEST(LinkedTurn, AnErrorOnTheWayHaltsAndTakesTheReference) {
   MutexLock lock(&over.drive.mutex);
   EXPECT_EQ(over.drive.halts, 1);
   EXPECT_LT(over.drive.to, 20) << "it must not go on";
+}
+
+// Nothing may turn on because a wire was cut for a while.
+TEST(LinkedTurn, AHaltThatIsNotConfirmedIsCommandedAgain) {
+  for (bool lost : {false, true}) {
+    AxisOverDrive over(true);
+    auto axis = *over.Open();
+    Pending<AxisState> home(over.clock()), done(over.clock());
+    axis->Home(over.clock().Now() + seconds(20), home.sink());
+    ASSERT_TRUE(home.Wait(kNever, "Home").ok());
+    axis->Turn(50, over.clock().Now() + seconds(20), done.sink());
+    SleepFor(over.clock(), milliseconds(20));
+    const absl::Status cut = lost ? Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST")
+                                  : Fault(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT");
+    int connects;
+    {
+      MutexLock lock(&over.drive.mutex);
+      over.drive.next_read = over.drive.halt = cut;
+      connects = over.drive.connects;
+    }
+    EXPECT_FALSE(done.Wait(kNever, "Turn").ok());
+    const auto turns = [&] {
+      MutexLock lock(&over.drive.mutex);
+      return over.drive.At(over.clock().Now()) != over.drive.to;
+    };
+    EXPECT_TRUE(turns()) << "it did not hear";
+    {
+      MutexLock lock(&over.drive.mutex);
+      over.drive.halt = absl::OkStatus();
+    }
+    const TimePoint give_up = over.clock().Now() + seconds(20);
+    while (turns() && over.clock().Now() < give_up) SleepFor(over.clock(), milliseconds(10));
+    EXPECT_FALSE(turns());
+    MutexLock lock(&over.drive.mutex);
+    EXPECT_EQ(over.drive.connects, lost ? connects + 1 : connects);
+  }
+}
+
+TEST(LinkedTurn, AStopOnALostLinkConnectsAnew) {
+  AxisOverDrive over(true);
+  auto axis = *over.Open();
+  {
+    MutexLock lock(&over.drive.mutex);
+    over.drive.halt = Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST");
+  }
+  Pending<AxisState> stopped(over.clock());
+  axis->Stop(over.clock().Now() + seconds(20), stopped.sink());
+  EXPECT_TRUE(stopped.Wait(kNever, "Stop").ok());
+  EXPECT_EQ(over.drive.connects, 2);
 }
 
 TEST_F(LinkedAxisTest, AMoveThatIsTooLateIsHalted) {

@@ -123,12 +123,11 @@ class ModbusDrive final : public AxisLink {
     return Go(StepsOf(target), velocity_dps, target);
   }
 
-  absl::Status StartTurn(double velocity_dps) override {
-    // What profiles describe are drives that are positioned: to half of what is left to count in that direction.
+  absl::Status StartTurn(double velocity_dps, Duration longest) override {
+    // What profiles describe are drives that are positioned: as far as it goes in that time, where it stops by itself.
     ASSIGN_OR_RETURN(const Raw raw, ReadRaw());
-    const int64_t end = Sign() * velocity_dps > 0 ? Last() : First();
-    const int64_t target = raw.position + (end - raw.position) / 2;
-    return Go(static_cast<double>(target), std::abs(velocity_dps), AngleOf(target));
+    return StartMove(AngleOf(raw.position) + Degrees(velocity_dps * Seconds(longest)),
+                     std::abs(velocity_dps));
   }
 
   absl::Status Halt() override {

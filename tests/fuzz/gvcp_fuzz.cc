@@ -8,9 +8,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto bytes = std::as_bytes(std::span(data, size));
   const std::vector<std::byte> packet(bytes.begin(), bytes.end());
   if (const auto events = DecodeEvents(packet)) {
-    HOLDS(!events->ids.empty());
-    HOLDS(events->ids.size() * 16 + 8 <= packet.size());
-    HOLDS(!events->with_data || events->ids.size() == 1);
+    HOLDS(!events->events.empty());
+    HOLDS(events->events.size() * 16 + 8 <= packet.size());
+    HOLDS(!events->with_data || events->events.size() == 1);
   }
   const uint16_t id = size >= 8 ? static_cast<uint16_t>(data[6] << 8 | data[7]) : 0;
   if (const auto answer = DecodeReadRegister(packet, id)) {

@@ -149,6 +149,39 @@ TEST_F(CanopenAxisTest, ADriveWithoutProfileVelocityModeSaysSo) {
   EXPECT_TRUE(Move(20).ok()) << "nothing moved";
 }
 
+TEST_F(CanopenAxisTest, ATurnThatCouldNotBeTrustedIsRefusedAtRest) {
+  Open();
+  ASSERT_TRUE(Home().ok());
+  // 36000 units a turn in 32 bits: 59652 turns. At 360 deg/s that are 16.6 hours.
+  Pending<AxisState> far(bench_.clock());
+  axis_->Turn(360, bench_.clock().Now() + std::chrono::hours(17), far.sink());
+  const absl::Status wraps = far.Wait(kNever, "Turn").status();
+  EXPECT_EQ(ErrorReason(wraps), "AXIS_LIMIT") << wraps;
+  EXPECT_EQ(ErrorReason(Turn(0.001).Wait(kNever, "Turn").status()), "AXIS_VELOCITY")
+      << "a tenth of a velocity unit";
+  EXPECT_FALSE(bench_.Truth().moving);
+  EXPECT_TRUE(Move(20).ok()) << "the reference is still good";
+}
+
+// Slower than what counts as standing.
+TEST_F(CanopenAxisTest, ASlowTurnIsNoStall) {
+  Open();
+  ASSERT_TRUE(Home().ok());
+  auto slow = Turn(0.03);
+  SleepFor(bench_.clock(), milliseconds(1500));
+  EXPECT_FALSE(slow.done());
+  EXPECT_TRUE(Stop().ok());
+  EXPECT_GT(bench_.Truth().position.degrees(), 0.03);
+}
+
+TEST_F(CanopenAxisTest, ADriveThatDoesNotWatchUsIsNotTurned) {
+  Open({.has_abort_option = false});
+  ASSERT_TRUE(Home().ok());
+  const absl::Status turned = Turn(30).Wait(kNever, "Turn").status();
+  EXPECT_EQ(ErrorReason(turned), "CANNOT_TURN") << turned;
+  EXPECT_THAT(turned.message(), HasSubstr("6007h"));
+}
+
 TEST_F(CanopenAxisTest, ATurnThatIsHeldUpIsSaid) {
   Open();
   ASSERT_TRUE(Home().ok());

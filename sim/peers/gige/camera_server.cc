@@ -251,7 +251,7 @@ GigeCameraServer::~GigeCameraServer() {
 }
 
 // EVENT_CMD, and once more if the client does not acknowledge it soon, as GigE Vision wants it.
-void GigeCameraServer::TellExposureEnd() {
+void GigeCameraServer::TellExposureEnd(uint64_t frame_id) {
   constexpr int kAcknowledgeMs = 100;
   ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera_);
   guint32 on = 0, port = 0, address = 0;
@@ -277,7 +277,11 @@ void GigeCameraServer::TellExposureEnd() {
                              0,
                              0,
                              kExposureEndEvent >> 8,
-                             kExposureEndEvent & 0xff};
+                             kExposureEndEvent & 0xff,
+                             0,
+                             0,
+                             static_cast<uint8_t>(frame_id >> 8),
+                             static_cast<uint8_t>(frame_id)};
   for (int i = 0; i < 2; ++i) {
     sendto(events_socket_, event, sizeof event, 0, reinterpret_cast<sockaddr*>(&client),
            sizeof client);
@@ -297,7 +301,7 @@ void GigeCameraServer::Expose(ArvBuffer* buffer, Duration exposure, double gain_
   TimePoint start = clock.Now();
   clock.WaitUntil(start + exposure, [this] { return stopping_.load(); });
   if (stopping_) return;
-  TellExposureEnd();
+  TellExposureEnd(arv_buffer_get_frame_id(buffer) + static_cast<uint64_t>(event_offset_.load()));
   const TimePoint read_out = clock.Now() + readout_.load();
   clock.WaitUntil(read_out, [this] { return stopping_.load(); });
   if (stopping_) return;

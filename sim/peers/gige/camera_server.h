@@ -52,6 +52,8 @@ class GigeCameraServer {
   void Misreport(double factor) { misreport_ = factor; }
   // From the end of an exposure until its frame is sent. Any thread.
   void SetReadout(Duration readout) { readout_ = readout; }
+  // The id of the frame that events name is so far off: as of an event that comes late. Any thread.
+  void MisnumberEvents(int by) { event_offset_ = by; }
   // An edge on Line1: triggers, if the client has chosen it as source. Any thread.
   void PulseLine();
   // Ends of exposures that the client has acknowledged. Any thread.
@@ -67,7 +69,7 @@ class GigeCameraServer {
   absl::Status StartRelay();
   ChunkRelay::Frame RelayedFrame() const;
   bool TendStream(uint16_t port);
-  void TellExposureEnd();
+  void TellExposureEnd(uint64_t frame_id);
   void Expose(ArvBuffer* buffer, Duration exposure, double gain_db, uint32_t code);
 
   const GigeCameraOptions options_;
@@ -75,6 +77,7 @@ class GigeCameraServer {
   std::atomic<bool> stopping_{false};
   std::atomic<double> misreport_{1};
   std::atomic<Duration> readout_{Duration::zero()};
+  std::atomic<int> event_offset_{0};
   int events_socket_ = -1;
   uint16_t events_told_ = 0;  // the camera's thread only
   std::atomic<int> events_acknowledged_{0};

@@ -409,6 +409,23 @@ TEST(SimGigeEvents, TheEndOfAnExposureIsToldBeforeItsFrame) {
   }
 }
 
+// An event of the frame before, sent again, must not end this one's exposure.
+TEST(SimGigeEvents, AnotherFramesEventCountsForNothing) {
+  Wired wired;
+  absl::Status opened = wired.Open("", /*chunk_data=*/false, 7000, /*exposure_events=*/true);
+  ASSERT_TRUE(opened.ok()) << opened;
+  wired.server().SetReadout(milliseconds(300));
+  ASSERT_TRUE(wired.Ready().ok());
+  wired.server().MisnumberEvents(-1);
+  for (int i = 0; i < 3; ++i) {
+    const auto shot = wired.TakeApart(milliseconds(20));
+    if (absl::IsDataLoss(shot.frame.status())) continue;  // plain UDP on a busy machine
+    ASSERT_TRUE(shot.frame.ok()) << shot.frame.status();
+    EXPECT_LT(shot.frame_came - shot.ended_came, milliseconds(250));
+  }
+  EXPECT_GE(wired.server().events_acknowledged(), 3);
+}
+
 TEST(SimGigeLines, MissingOnesNameThoseThereAre) {
   const std::pair<std::string, std::string> cases[] = {
       {"trigger_source = \"Line7\"\n",
