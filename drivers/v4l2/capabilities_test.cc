@@ -163,6 +163,13 @@ TEST(V4l2Capabilities, TheBestFormatIsChosen) {
   ASSERT_EQ(formats.size(), 2u);
   EXPECT_EQ(formats[0].video.format, PixelFormat::kMono8);  // luma, as it was named
   EXPECT_EQ(formats[1].video.format, PixelFormat::kRGB8);
+  // What is lossy is never the best, also where there is nothing else.
+  EXPECT_TRUE(UsableFormats({{FourCc("MJPG"), sizes}}, {}).empty());
+  options.fourcc = FourCc("MJPG");
+  formats = UsableFormats(offered, options);
+  ASSERT_EQ(formats.size(), 2u);
+  EXPECT_EQ(formats[0].video.format, PixelFormat::kMono8);
+  EXPECT_EQ(formats[1].video.format, PixelFormat::kRGB8);
   options.fourcc = FourCc("Y16 ");
   options.significant_bits = 12;
   formats = UsableFormats({{FourCc("Y16 "), sizes}}, options);

@@ -2,6 +2,8 @@
 
 #include <linux/videodev2.h>
 
+#include <algorithm>
+
 #include "absl/strings/str_format.h"
 #include "drivers/v4l2/capabilities.h"
 
@@ -59,8 +61,15 @@ absl::StatusOr<std::optional<Discovered>> Look(VideoSystem& system, const std::s
   }
   const auto usable = UsableFormats(description.formats, V4l2Options());
   if (usable.empty()) {
-    absl::StrAppend(&found.what, " no format that this driver takes");
-    found.toml = "# not usable with driver = \"v4l2\"\n";
+    const auto& formats = description.formats;
+    const bool by_name = std::any_of(formats.begin(), formats.end(), [](const auto& format) {
+      return format.fourcc == V4L2_PIX_FMT_MJPEG;
+    });
+    absl::StrAppend(&found.what, " no format that this driver takes",
+                    by_name ? " unless it is named" : "");
+    found.toml = by_name ? "# lossy and not linear; used only if [camera.options] says so:\n"
+                           "# fourcc = \"MJPG\"\n"
+                         : "# not usable with driver = \"v4l2\"\n";
     return std::optional<Discovered>(std::move(found));
   }
   ASSIGN_OR_RETURN(const std::string exposure, ExposureLines(port));

@@ -58,6 +58,22 @@ TEST(Discover, TellsEveryCameraThatCaptures) {
   EXPECT_EQ(options.bus_info, webcam.bus_info);
 }
 
+TEST(Discover, MotionJpegIsNotOffered) {
+  FakeSetup lossy, lossier;
+  lossy.formats = {{V4L2_PIX_FMT_MJPEG, {{640, 480}}}};
+  lossier.formats = {{V4L2_PIX_FMT_H264, {{640, 480}}}};
+  FakeCamera cameras[] = {FakeCamera(lossy), FakeCamera(lossier)};
+  FakeVideoSystem system;
+  for (int i = 0; i < 2; ++i) system.Add("/dev/video" + std::to_string(i), &cameras[i]);
+  const absl::StatusOr<std::vector<Discovered>> found = DiscoverVideo(system);
+  ASSERT_TRUE(found.ok()) << found.status();
+  ASSERT_EQ(found->size(), 2u);
+  EXPECT_NE((*found)[0].toml.find("# fourcc = \"MJPG\""), std::string::npos) << (*found)[0].toml;
+  EXPECT_NE((*found)[1].toml.find("not usable"), std::string::npos) << (*found)[1].toml;
+  for (const Discovered& camera : *found)
+    EXPECT_EQ(camera.toml.find("driver = \"v4l2\"\nformat"), std::string::npos);
+}
+
 TEST(Discover, NothingAtAllIsAnErrorOnlyIfItCouldNotLook) {
   FakeVideoSystem system;
   absl::StatusOr<std::vector<Discovered>> found = DiscoverVideo(system);

@@ -127,9 +127,10 @@ void FakeCamera::DamageNext(int frames) {
   MutexLock lock(&mutex_);
   damage_ = frames;
 }
-void FakeCamera::ShortenNext(int frames) {
+void FakeCamera::ShortenNext(int frames, int bytes) {
   MutexLock lock(&mutex_);
   shorten_ = frames;
+  shorten_by_ = bytes;
 }
 void FakeCamera::NumberNextBack(uint32_t by) {
   MutexLock lock(&mutex_);
@@ -235,7 +236,7 @@ void FakeCamera::Produce(TimePoint complete) {
   }
   if (shorten_ > 0) {
     --shorten_;
-    --buffer.used;
+    buffer.used -= static_cast<uint32_t>(shorten_by_);
   }
   done_.push_back(index);
   Signal();
@@ -247,21 +248,28 @@ void FakeCamera::Paint(Buffer& buffer, TimePoint read_from, Duration exposure) {
   FillFormat(&format);
   const size_t line_bytes = format.fmt.pix.bytesperline;
   std::fill(buffer.memory.begin(), buffer.memory.end(), std::byte{0xee});  // padding is seen
-  size_t used = 0;
+  std::vector<unsigned> levels;                                            // of the rows
   for (int y = 0; y < height_; ++y) {
     const TimePoint row_read = read_from + setup_.readout * y / height_;
     const bool dark =
         setup_.pattern || (setup_.composes && static_cast<uint32_t>(y) >= composed_[1]);
     const double light = dark ? 0 : Light(row_read - exposure, row_read);
-    const auto level = static_cast<unsigned>(std::lround(light * 0.75 * ((1 << bits) - 1)));
-    std::vector<uint8_t> line;
-    if (setup_.pattern) {
-      const int left = crop_[0], top = crop_[1] + y;
-      line = PackLine(fourcc_, width_,
-                      [=](int x, int c) { return FakeSample(x + left, top, c, bits); });
-    } else {
-      line = PackLine(fourcc_, width_, [=](int, int) { return level; });
-    }
+    levels.push_back(static_cast<unsigned>(std::lround(light * 0.75 * ((1 << bits) - 1))));
+  }
+  const int left = crop_[0], top = crop_[1];
+  const auto sample = [&](int x, int y, int c) {
+    return setup_.pattern ? FakeSample(x + left, y + top, c, bits) : levels[y];
+  };
+  if (setup_.compress) {
+    const std::vector<uint8_t> picture = setup_.compress(width_, height_, sample);
+    std::memcpy(buffer.memory.data(), picture.data(), picture.size());
+    buffer.used = static_cast<uint32_t>(picture.size());
+    return;
+  }
+  size_t used = 0;
+  for (int y = 0; y < height_; ++y) {
+    const std::vector<uint8_t> line =
+        PackLine(fourcc_, width_, [&](int x, int c) { return sample(x, y, c); });
     std::memcpy(buffer.memory.data() + y * line_bytes, line.data(), line.size());
     used = y * line_bytes + line.size();
   }

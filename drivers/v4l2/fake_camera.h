@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/functional/function_ref.h"
 #include "base/mutex.h"
 #include "drivers/v4l2/video_device.h"
 
@@ -57,6 +59,10 @@ struct FakeSetup {
   int line_padding = 0;
   uint32_t first_sequence = 0;
   bool pattern = false;  // shows FakeSample() of fake_picture.h instead of the light
+  // Compresses a picture, instead of PackLine() of fake_picture.h.
+  std::function<std::vector<uint8_t>(int width, int height,
+                                     absl::FunctionRef<unsigned(int x, int y, int c)> sample)>
+      compress;
   uint32_t quantization = 0, ycbcr_enc = 0, colorspace = 8 /* sRGB */;
   uint32_t field = 1 /* progressive */;
   bool metadata_node = false;  // it is one that has no pictures
@@ -85,10 +91,10 @@ class FakeCamera {
   void BreakStream();           // as vb2_queue_error(): POLLERR and EIO until the stream is ended
   // As uvcvideo after a failed transfer: all buffers come back empty, no frame follows.
   void CancelBuffers();
-  void DropNext(int frames);         // numbered, but never delivered
-  void DamageNext(int frames);       // V4L2_BUF_FLAG_ERROR
-  void ShortenNext(int frames);      // a byte too few
-  void NumberNextBack(uint32_t by);  // its number, and those after it
+  void DropNext(int frames);                    // numbered, but never delivered
+  void DamageNext(int frames);                  // V4L2_BUF_FLAG_ERROR
+  void ShortenNext(int frames, int bytes = 1);  // too few
+  void NumberNextBack(uint32_t by);             // its number, and those after it
   void SetStamp(FakeStamp stamp);
   void SetControl(uint32_t id, int64_t value);
   int64_t control(uint32_t id) const;
@@ -153,7 +159,7 @@ class FakeCamera {
   std::map<unsigned long, std::pair<int, int>> failures_ ABSL_GUARDED_BY(mutex_);
   bool silent_ ABSL_GUARDED_BY(mutex_) = false;
   int drop_ ABSL_GUARDED_BY(mutex_) = 0, damage_ ABSL_GUARDED_BY(mutex_) = 0;
-  int shorten_ ABSL_GUARDED_BY(mutex_) = 0;
+  int shorten_ ABSL_GUARDED_BY(mutex_) = 0, shorten_by_ ABSL_GUARDED_BY(mutex_) = 1;
   uint32_t back_ ABSL_GUARDED_BY(mutex_) = 0;
   int handles_ ABSL_GUARDED_BY(mutex_) = 0, mappings_ ABSL_GUARDED_BY(mutex_) = 0;
   int streams_ ABSL_GUARDED_BY(mutex_) = 0, delivered_ ABSL_GUARDED_BY(mutex_) = 0;

@@ -157,8 +157,8 @@ void FakeCamera::FillFormat(void* argument) const {
   pix.pixelformat = fourcc_;
   pix.field = setup_.field;
   const int line = FakeLineBytes(fourcc_, width_) + setup_.line_padding;
-  pix.bytesperline = static_cast<uint32_t>(line);
-  pix.sizeimage = pix.bytesperline * pix.height;
+  pix.bytesperline = setup_.compress ? 0 : static_cast<uint32_t>(line);
+  pix.sizeimage = static_cast<uint32_t>(line) * pix.height;
   pix.colorspace = setup_.colorspace;
   pix.ycbcr_enc = setup_.ycbcr_enc;
   pix.quantization = setup_.quantization;

@@ -121,8 +121,8 @@ absl::Status V4l2Link::Learn(VideoDescription description) {
     if (std::any_of(offered.begin(), offered.end(),
                     [](const auto& f) { return IsCompressed(f.fourcc); })) {
       absl::StrAppend(&why,
-                      "; compressed pictures are not decoded, for the loss would be measured "
-                      "as light");
+                      "; of compressed pictures the loss would be measured as light: only MJPG is "
+                      "decoded, and only if it is named (fourcc = \"MJPG\")");
     }
     if (options_.fourcc != 0) {
       absl::StrAppend(&why, "; fourcc = \"", FourCcName(options_.fourcc), "\" is asked for");

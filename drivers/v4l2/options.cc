@@ -1,6 +1,7 @@
 #include "drivers/v4l2/options.h"
 
 #include "drivers/v4l2/controls.h"
+#include "drivers/v4l2/jpeg.h"
 #include "drivers/v4l2/pixel_formats.h"
 
 namespace lightstage {
@@ -11,7 +12,14 @@ uint32_t ParseFormat(const TomlTable& table) {
   const std::string name = table.String("fourcc");
   const uint32_t fourcc = FourCc(name);
   for (const VideoFormat& format : VideoFormats()) {
-    if (format.fourcc == fourcc) return fourcc;
+    if (format.fourcc != fourcc) continue;
+    if (format.packing == Packing::kJpeg && !CanDecodeJpeg()) {
+      table.ErrorAt("fourcc",
+                    absl::StrCat("\"", name,
+                                 "\" can not be decoded: this was built without libjpeg-turbo "
+                                 "(on Debian: libturbojpeg0-dev)"));
+    }
+    return fourcc;
   }
   std::string known;
   uint32_t last = 0;

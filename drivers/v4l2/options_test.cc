@@ -69,7 +69,7 @@ TEST(V4l2Options, BadValuesAreRefusedAtTheirKey) {
            {"leave_automatic = { focsu = true }", "did you mean 'focus'"},
            {"leave_automatic = { focus = 1 }", "true or false"},
            {"allow_mjpeg = true", "allow_mjpeg"},
-           {"fourcc = \"MJPG\"", "compressed"},
+           {"fourcc = \"H264\"", "compressed"},
            {"fourcc = \"XXXX\"", "YUYV"}}) {
     const absl::Status status = Parse(std::string("card = \"x\"\n") + bad + "\n", &options);
     EXPECT_FALSE(status.ok()) << bad;

@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "absl/strings/str_format.h"
+#include "drivers/v4l2/jpeg.h"
 
 namespace lightstage {
 namespace {
@@ -64,6 +65,8 @@ constexpr VideoFormat kFormats[] = {
     {V4L2_PIX_FMT_BGR24, PixelFormat::kRGB8, 8, Packing::kBgr},
     {V4L2_PIX_FMT_YUYV, PixelFormat::kRGB8, 8, Packing::kYuyv},
     {V4L2_PIX_FMT_UYVY, PixelFormat::kRGB8, 8, Packing::kUyvy},
+    {V4L2_PIX_FMT_MJPEG, PixelFormat::kMono8, 8, Packing::kJpeg, true},
+    {V4L2_PIX_FMT_MJPEG, PixelFormat::kRGB8, 8, Packing::kJpeg, true},
 };
 
 constexpr char kBigEndian[] = "-BE";
@@ -161,6 +164,8 @@ unsigned UnpackRow(Packing packing, const std::byte* in, int width, YuvRange ran
         *out++ = in[static_cast<size_t>(x) * 2 + (packing == Packing::kYuyvLuma ? 0 : 1)];
       }
       break;
+    case Packing::kJpeg:
+      break;  // Unpack() does not come here
   }
   return all;
 }
@@ -225,6 +230,8 @@ size_t RowBytes(Packing packing, int width) {
     case Packing::kYuyvLuma:
     case Packing::kUyvyLuma:
       return (w + 1) / 2 * 4;
+    case Packing::kJpeg:
+      break;
   }
   return 0;
 }
@@ -236,6 +243,9 @@ absl::StatusOr<std::vector<std::byte>> Unpack(const VideoFormat& format, const R
   const ErrorMetadata metadata = {{"image", what}};
   const bool size_ok = image.width > 0 && image.width <= kLargestSide && image.height > 0 &&
                        image.height <= kLargestSide;
+  if (size_ok && format.packing == Packing::kJpeg) {
+    return DecodeJpeg(image.bytes, image.width, image.height, format.format);
+  }
   const size_t row = size_ok ? RowBytes(format.packing, image.width) : 0;
   if (!size_ok || image.bytes_per_line < row ||
       image.bytes_per_line > (size_t{1} << 31) / static_cast<size_t>(image.height)) {

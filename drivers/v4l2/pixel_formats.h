@@ -27,6 +27,7 @@ enum class Packing {
   kUyvy,      // Cb Y0 Cr Y1
   kYuyvLuma,  // of those only Y, as it is
   kUyvyLuma,
+  kJpeg,  // a JPEG picture: no rows
 };
 
 struct VideoFormat {
@@ -56,13 +57,13 @@ struct RawImage {
   size_t bytes_per_line = 0;  // from the beginning of a row to that of the next
 };
 
-// Bytes of a row that hold pixels. 0 < width <= kLargestSide.
+// Bytes of a row that hold pixels; 0 if the format has no rows. 0 < width <= kLargestSide.
 constexpr int kLargestSide = 32768;
 size_t RowBytes(Packing packing, int width);
 
 // Rows without padding in `format.format`. DATA_LOSS / FRAME_INCOMPLETE if there are fewer bytes than the image needs; INVALID_ARGUMENT
 // / FRAME_LAYOUT if size or line length can not be; FAILED_PRECONDITION / SAMPLE_RANGE if a sample has more than
-// `significant_bits`. `range` is for Y'CbCr, taken as ITU-R BT.601's.
+// `significant_bits`. `range` is for Y'CbCr, taken as ITU-R BT.601's. Of a JPEG picture (jpeg.h) neither it nor bytes_per_line counts.
 absl::StatusOr<std::vector<std::byte>> Unpack(const VideoFormat& format, const RawImage& image,
                                               YuvRange range);
 

@@ -233,6 +233,7 @@ TEST(PixelFormats, YuvIsBt601) {
 
 TEST(PixelFormats, AByteTooFewIsAnIncompleteFrame) {
   for (const VideoFormat& format : VideoFormats()) {
+    if (format.packing == Packing::kJpeg) continue;  // jpeg_test.cc
     for (int width : {1, 2, 3, 5, 8}) {
       const size_t row = RowBytes(format.packing, width), line = row + 3;
       std::vector<int> raw(line + row, 0);

@@ -49,6 +49,12 @@ absl::StatusOr<std::unique_ptr<Camera>> V4l2Camera::Open(VideoSystem& system,
   info.readout = options.readout;
   spdlog::info("{}: {} opened, {}x{}", context.name, info.identity.model, info.sensor_width,
                info.sensor_height);
+  if (caps.formats.front().video.packing == Packing::kJpeg) {
+    spdlog::warn(
+        "{}: MJPG is compressed with loss, which is measured as light, and its values are not "
+        "linear in the light",
+        context.name);
+  }
   return std::unique_ptr<Camera>(std::move(camera));
 }
 

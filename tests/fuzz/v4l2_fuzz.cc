@@ -1,9 +1,10 @@
-// Pixels out of buffers, names of formats, frame numbers.
+// Pixels out of buffers and JPEG pictures, names of formats, frame numbers.
 #include <algorithm>
 #include <string>
 
 #include "base/status.h"
 #include "drivers/v4l2/free_running.h"
+#include "drivers/v4l2/jpeg.h"
 #include "drivers/v4l2/pixel_formats.h"
 #include "tests/fuzz/fuzz.h"
 
@@ -14,6 +15,7 @@ using fuzz::Input;
 
 void Pixels(Input in) {
   VideoFormat format = VideoFormats()[in.Byte() % VideoFormats().size()];
+  if (format.packing == Packing::kJpeg) return;
   const YuvRange range = in.Choice(2) == 0 ? YuvRange::kLimited : YuvRange::kFull;
   RawImage image;
   // Mostly images that could be, of a few pixels; else any numbers.
@@ -57,6 +59,22 @@ void Pixels(Input in) {
   HOLDS(again.ok() && *again == *out);
 }
 
+void Jpeg(Input in) {
+  const int width = in.Byte() % 40 + 1, height = in.Byte() % 40 + 1;
+  const PixelFormat format = in.Choice(2) == 0 ? PixelFormat::kMono8 : PixelFormat::kRGB8;
+  const auto out = DecodeJpeg(std::as_bytes(in.rest()), width, height, format);
+  if (!out.ok()) {
+    HOLDS(ErrorReason(out.status()) == (CanDecodeJpeg() ? "FRAME_INCOMPLETE" : "NOT_BUILT"));
+    return;
+  }
+  HOLDS(out->size() == static_cast<size_t>(width) * height * SamplesPerPixel(format));
+  // What follows the picture is no part of it.
+  std::vector<uint8_t> longer(in.rest().begin(), in.rest().end());
+  longer.insert(longer.end(), 8, 0xff);
+  const auto again = DecodeJpeg(std::as_bytes(std::span(longer)), width, height, format);
+  HOLDS(again.ok() && *again == *out);
+}
+
 void Names(Input in) {
   const uint32_t fourcc = in.Long();
   const std::string name = FourCcName(fourcc);
@@ -93,15 +111,18 @@ void Counts(Input in) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   lightstage::fuzz::Input in(data, size);
-  switch (in.Choice(3)) {
+  switch (in.Choice(4)) {
     case 0:
       lightstage::Pixels(in);
       break;
     case 1:
       lightstage::Names(in);
       break;
-    default:
+    case 2:
       lightstage::Counts(in);
+      break;
+    default:
+      lightstage::Jpeg(in);
   }
   return 0;
 }
