@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -24,7 +25,8 @@ struct FakeControl {
   std::string name;
   int64_t min = 0, max = 1, step = 1, value = 0;
   uint32_t flags = 0;
-  bool stuck = false;  // takes every value and keeps its own
+  bool stuck = false;                    // takes every value and keeps its own
+  std::optional<int64_t> default_value;  // not given: min
 };
 
 struct FakeFormat {

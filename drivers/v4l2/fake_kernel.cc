@@ -280,7 +280,7 @@ int FakeCamera::Control(unsigned long request, void* argument) {
     query.minimum = control->min;
     query.maximum = control->max;
     query.step = static_cast<uint64_t>(control->step);
-    query.default_value = control->min;
+    query.default_value = control->default_value.value_or(control->min);
     query.flags = control->flags;
     return 0;
   }

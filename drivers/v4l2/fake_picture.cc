@@ -29,6 +29,7 @@ Depth DepthOf(uint32_t fourcc) {
     case V4L2_PIX_FMT_SRGGB12:
     case V4L2_PIX_FMT_SBGGR12:
       return {12, 64};
+    case V4L2_PIX_FMT_Y14:
     case V4L2_PIX_FMT_SRGGB14:
       return {14, 64};
     case V4L2_PIX_FMT_Y16:
@@ -42,9 +43,11 @@ Depth DepthOf(uint32_t fourcc) {
     case V4L2_PIX_FMT_SGBRG10P:
     case V4L2_PIX_FMT_SBGGR10P:
       return {10, 40};
+    case v4l2_fourcc('Y', '1', '2', 'P'):
     case V4L2_PIX_FMT_SRGGB12P:
     case V4L2_PIX_FMT_SBGGR12P:
       return {12, 48};
+    case v4l2_fourcc('Y', '1', '4', 'P'):
     case V4L2_PIX_FMT_SRGGB14P:
     case V4L2_PIX_FMT_SBGGR14P:
       return {14, 56};

@@ -152,6 +152,28 @@ TEST_F(V4l2CameraTest, ControlsAreWhatWasConfigured) {
   EXPECT_EQ(frame->gain_db, 6);
 }
 
+// The sensor's own gain is what is set. What multiplies numbers stands as the maker made it, whoever changed it before.
+TEST_F(V4l2CameraTest, TheAnalogueGainIsSetAndTheOthersStandAtTheirDefault) {
+  FakeSetup setup = Webcam();
+  setup.controls = {{V4L2_CID_EXPOSURE_ABSOLUTE, "Exposure Time, Absolute", 1, 5000, 1, 157},
+                    {V4L2_CID_ANALOGUE_GAIN, "Analogue Gain", 16, 232, 1, 99},
+                    {V4L2_CID_GAIN, "Gain", 0, 100, 1, 77},
+                    {V4L2_CID_DIGITAL_GAIN, "Digital Gain", 256, 4095, 1, 1000}};
+  setup.controls[2].default_value = 40;
+  setup.controls[3].default_value = 300;
+  PlugIn(setup);
+  ASSERT_TRUE(Open().ok());
+  EXPECT_EQ(fake_->control(V4L2_CID_GAIN), 40);
+  EXPECT_EQ(fake_->control(V4L2_CID_DIGITAL_GAIN), 300);
+  EXPECT_DOUBLE_EQ(camera_->info().max_gain_db, (232 - 16) * 0.3);
+  for (const auto& [gain_db, code] : {std::pair(6.0, 36), std::pair(0.0, 16)}) {
+    ASSERT_TRUE(photographer().Configure({PixelFormat::kMono8, 64, 48, gain_db}).ok());
+    EXPECT_EQ(fake_->control(V4L2_CID_ANALOGUE_GAIN), code);
+    EXPECT_EQ(fake_->control(V4L2_CID_GAIN), 40);
+    EXPECT_EQ(fake_->control(V4L2_CID_DIGITAL_GAIN), 300);
+  }
+}
+
 TEST_F(V4l2CameraTest, AnAutomaticThatStaysOnIsRefusedUnlessItMay) {
   FakeSetup setup = Webcam();
   setup.controls[3].stuck = true;
@@ -222,10 +244,15 @@ TEST_F(V4l2CameraTest, EveryFormatComesThroughBitByBit) {
        std::initializer_list<Case>{{V4L2_PIX_FMT_GREY, PixelFormat::kMono8, 8},
                                    {V4L2_PIX_FMT_Y10, PixelFormat::kMono16, 10},
                                    {V4L2_PIX_FMT_Y12, PixelFormat::kMono16, 12},
+                                   {V4L2_PIX_FMT_Y14, PixelFormat::kMono16, 14},
                                    {V4L2_PIX_FMT_Y16, PixelFormat::kMono16, 16},
                                    {V4L2_PIX_FMT_Y16_BE, PixelFormat::kMono16, 16},
                                    {V4L2_PIX_FMT_Y10P, PixelFormat::kMono16, 10},
+                                   {v4l2_fourcc('Y', '1', '2', 'P'), PixelFormat::kMono16, 12},
+                                   {v4l2_fourcc('Y', '1', '4', 'P'), PixelFormat::kMono16, 14},
                                    {V4L2_PIX_FMT_Y10BPACK, PixelFormat::kMono16, 10},
+                                   {V4L2_PIX_FMT_YUYV, PixelFormat::kMono8, 8},
+                                   {V4L2_PIX_FMT_UYVY, PixelFormat::kMono8, 8},
                                    {V4L2_PIX_FMT_SBGGR8, PixelFormat::kBayerBG8, 8},
                                    {V4L2_PIX_FMT_SGBRG8, PixelFormat::kBayerGB8, 8},
                                    {V4L2_PIX_FMT_SGRBG8, PixelFormat::kBayerGR8, 8},
@@ -247,6 +274,7 @@ TEST_F(V4l2CameraTest, EveryFormatComesThroughBitByBit) {
     PlugIn(setup);
     V4l2Options options = Options();
     options.frames_per_s.reset();
+    options.fourcc = c.fourcc;  // of YUYV and UYVY only so the luma as it is
     const absl::Status opened = Open(options);
     ASSERT_TRUE(opened.ok()) << opened;
     ASSERT_TRUE(photographer().Ready({c.format, 38, 10, 0}).ok());
@@ -267,23 +295,25 @@ TEST_F(V4l2CameraTest, EveryFormatComesThroughBitByBit) {
 }
 
 TEST_F(V4l2CameraTest, YuvIsRgbUnlessItsLumaIsNamed) {
-  FakeSetup setup = Webcam();
-  setup.formats = {{V4L2_PIX_FMT_YUYV, {{32, 24}}}};
-  PlugIn(setup);
-  ASSERT_TRUE(Open().ok());
-  EXPECT_EQ(camera_->info().formats, std::vector{PixelFormat::kRGB8});
-  fake_->SetLight(1);  // 191 of 16 to 235
-  ASSERT_TRUE(photographer().Ready({PixelFormat::kRGB8, 32, 24, 0}).ok());
-  absl::StatusOr<Frame> frame = photographer().Take(milliseconds(5));
-  ASSERT_TRUE(frame.ok()) << frame.status();
-  for (std::byte b : frame->data) ASSERT_EQ(static_cast<int>(b), 204);  // (191 − 16) · 255 / 219
-  V4l2Options options = Options();
-  options.fourcc = V4L2_PIX_FMT_YUYV;
-  ASSERT_TRUE(Open(options).ok());
-  ASSERT_TRUE(photographer().Ready({PixelFormat::kMono8, 32, 24, 0}).ok());
-  frame = photographer().Take(milliseconds(5));
-  ASSERT_TRUE(frame.ok()) << frame.status();
-  for (std::byte b : frame->data) ASSERT_EQ(static_cast<int>(b), 191);
+  for (uint32_t fourcc : {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_UYVY}) {
+    FakeSetup setup = Webcam();
+    setup.formats = {{fourcc, {{32, 24}}}};
+    PlugIn(setup);
+    ASSERT_TRUE(Open().ok());
+    EXPECT_EQ(camera_->info().formats, std::vector{PixelFormat::kRGB8});
+    fake_->SetLight(1);  // 191 of 16 to 235
+    ASSERT_TRUE(photographer().Ready({PixelFormat::kRGB8, 32, 24, 0}).ok());
+    absl::StatusOr<Frame> frame = photographer().Take(milliseconds(5));
+    ASSERT_TRUE(frame.ok()) << frame.status();
+    for (std::byte b : frame->data) ASSERT_EQ(static_cast<int>(b), 204);  // (191 − 16) · 255 / 219
+    V4l2Options options = Options();
+    options.fourcc = fourcc;
+    ASSERT_TRUE(Open(options).ok());
+    ASSERT_TRUE(photographer().Ready({PixelFormat::kMono8, 32, 24, 0}).ok());
+    frame = photographer().Take(milliseconds(5));
+    ASSERT_TRUE(frame.ok()) << frame.status();
+    for (std::byte b : frame->data) ASSERT_EQ(static_cast<int>(b), 191);
+  }
 }
 
 TEST_F(V4l2CameraTest, YuvOfAnotherRangeOrMatrix) {
