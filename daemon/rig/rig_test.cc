@@ -194,6 +194,7 @@ TEST_F(RigTest, AHomingThatNobodyWaitsForIsStopped) {
   HomingAxis* axis = UseHomingAxis();
   Open();
   for (bool jog : {false, true}) {
+    SleepFor(clock_, std::chrono::milliseconds(1));
     axis->stopped_at = {};
     const auto gone = [] { return true; };
     const absl::Status moved =
