@@ -163,8 +163,8 @@ TEST(Startup, CheckBuildsTheScene) {
 TEST(Startup, ALatencyIsMeasuredOnlyWhereThereIsOneAndNobodyUsesTheRig) {
   TestFolder folder;
   WriteText(folder / "rig.toml", SmallRig());
-  const std::vector<std::string> calibrate = {
-      "--rig", folder / "rig.toml", "--data", folder / "data", "--calibrate-latency"};
+  const std::vector<std::string> calibrate = {"--rig", folder / "rig.toml", "--data",
+                                              folder / "data", "--calibrate-latency"};
   const Answer triggered = RunDaemon(folder, calibrate);
   EXPECT_EQ(triggered.code, 1);
   EXPECT_TRUE(Says(triggered.err, "driver sim it exposes when it is triggered")) << triggered.err;
