@@ -4,6 +4,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "daemon/rig/device_errors.h"
 #include "spdlog/spdlog.h"
 
 namespace lightstage {
@@ -170,8 +171,8 @@ absl::Status Rig::ConfigureCamera() {
   TimePoint deadline = clock_.Now() + 10 * device_timeout();
   Pending<CameraConfig> configured(clock_);
   camera_->Configure(file_.camera_options.config, deadline, configured.sink());
-  return Annotate(configured.Wait(deadline + device_timeout(), "camera: configure").status(),
-                  "camera");
+  return Named(configured.Wait(deadline + device_timeout(), "camera: configure").status(),
+               "camera");
 }
 
 absl::Status Rig::ArmCamera() {
@@ -185,7 +186,7 @@ absl::Status Rig::ArmCamera() {
   Pending<CameraConfig> armed(clock_);
   camera_->Arm(deadline, armed.sink());
   absl::Status status =
-      Annotate(armed.Wait(deadline + device_timeout(), "camera: arm").status(), "camera");
+      Named(armed.Wait(deadline + device_timeout(), "camera: arm").status(), "camera");
   camera_armed_ = status.ok();
   camera_suspect_ = !status.ok();
   return status;
@@ -196,7 +197,7 @@ absl::Status Rig::DisarmCamera() {
   TimePoint deadline = clock_.Now() + 5 * device_timeout();
   Pending<CameraConfig> disarmed(clock_);
   camera_->Disarm(deadline, disarmed.sink());
-  return Annotate(disarmed.Wait(deadline + device_timeout(), "camera: disarm").status(), "camera");
+  return Named(disarmed.Wait(deadline + device_timeout(), "camera: disarm").status(), "camera");
 }
 
 // ---- Stop

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
-#include "daemon/rig/missing.h"
+#include "daemon/rig/device_errors.h"
 #include "daemon/rig/rig.h"
 #include "spdlog/spdlog.h"
 
@@ -47,7 +47,7 @@ absl::Status Rig::WaitAxis(AxisId id, Pending<AxisState>& pending, TimePoint dea
                            std::string_view what) {
   // The driver completes by its deadline; the margin lets its more telling error arrive first.
   auto state = pending.Wait(deadline + device_timeout(), absl::StrCat(AxisName(id), ": ", what));
-  if (!state.ok()) return Annotate(state.status(), AxisName(id));
+  if (!state.ok()) return Named(state.status(), AxisName(id));
   StoreAxis(id, *state);
   return absl::OkStatus();
 }

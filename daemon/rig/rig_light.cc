@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
-#include "daemon/rig/missing.h"
+#include "daemon/rig/device_errors.h"
 #include "daemon/rig/rig.h"
 #include "spdlog/spdlog.h"
 
@@ -107,7 +107,7 @@ absl::Status Rig::Lighting::Wait() {
     absl::Status status = lit.status();
     if (status.ok()) status = CheckConfirmed(rig_->lamps_->info(), levels_, lit->levels);
     if (!status.ok()) lit = status;
-    if (first.ok()) first = Annotate(status, "lamps");
+    if (first.ok()) first = Named(status, "lamps");
   }
   absl::StatusOr<ProjectorState> shown;
   if (projector_) {
@@ -120,7 +120,7 @@ absl::Status Rig::Lighting::Wait() {
           {{"asked", PatternName(pattern_)}, {"confirmed", PatternName(shown->shown)}});
       shown = status;
     }
-    if (first.ok()) first = Annotate(status, "projector");
+    if (first.ok()) first = Named(status, "projector");
   }
 
   MutexLock gate(&rig_->gate_);
@@ -262,7 +262,7 @@ absl::Status Rig::FinishDark(Darkening& darkening) {
     pattern_.reset();
     if (projector.ok()) pattern_ = Pattern{};
   }
-  return lamps.ok() ? Annotate(projector, "projector") : Annotate(lamps, "lamps");
+  return lamps.ok() ? Named(projector, "projector") : Named(lamps, "lamps");
 }
 
 absl::Status Rig::Dark() {
