@@ -8,6 +8,7 @@
 #include <random>
 #include <thread>
 
+#include "drivers/conformance/unplug.h"
 #include "drivers/v4l2/fake_system.h"
 #include "drivers/v4l2/photographer.h"
 #include "drivers/v4l2/v4l2_camera.h"
@@ -358,6 +359,18 @@ TEST_F(V4l2FaultsTest, DisarmEndsAnArmThatHangs) {
 }
 
 // ---- Cameras that go
+
+TEST_F(V4l2FaultsTest, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
+  Start();
+  CheckUnplugging(clock_, "camera",
+                  {.plug = [&](bool plugged) { plugged ? fake_->PlugIn() : fake_->Unplug(); },
+                   .use = [&] { return Take(milliseconds(15)).status(); },
+                   .recover =
+                       [&] {
+                         photographer_->Disarm().IgnoreError();
+                         return photographer_->Ready(kConfig);
+                       }});
+}
 
 TEST_F(V4l2FaultsTest, AnUnpluggedCameraIsLostAndComesBack) {
   Start();
