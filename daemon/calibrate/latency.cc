@@ -34,7 +34,7 @@ class Exposing {
         deadline_(triggered_ + exposure + rig.camera().info().readout + rig.device_timeout()),
         frame_(rig.clock()) {
     rig.camera().Trigger(
-        exposure, deadline_, [](absl::StatusOr<ExposureEnd>) {}, frame_.sink());
+        exposure, deadline_, [](const absl::StatusOr<ExposureEnd>&) {}, frame_.sink());
   }
   TimePoint triggered() const { return triggered_; }
   absl::StatusOr<Frame> Wait() {

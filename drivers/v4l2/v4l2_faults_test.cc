@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <functional>
 #include <random>
 #include <thread>
 
@@ -56,6 +57,21 @@ class V4l2FaultsTest : public testing::Test {
   }
   absl::StatusOr<Frame> Take(Duration exposure = milliseconds(5)) {
     return photographer_->Take(exposure);
+  }
+
+  // A shot, and `fault` while it is waited for: the camera has been told its exposure, and is some frames away from it.
+  absl::Status TakeDuring(const std::function<void()>& fault) {
+    std::thread during([&] {
+      const TimePoint give_up = clock_.Now() + seconds(10);
+      while (fake_->control(V4L2_CID_EXPOSURE_ABSOLUTE) != 150 && clock_.Now() < give_up) {
+        SleepFor(clock_, milliseconds(1));
+      }
+      SleepFor(clock_, milliseconds(10));  // for it to be read back
+      fault();
+    });
+    const absl::Status taken = Take(milliseconds(15)).status();
+    during.join();
+    return taken;
   }
 
   // Of so many shots, those with a row that did not get the full light. The light goes on at any moment of the camera's frames just before
@@ -212,12 +228,7 @@ TEST_F(V4l2FaultsTest, DroppedFramesAreCountedAndWaitedFor) {
 TEST_F(V4l2FaultsTest, ANumberThatGoesBackIsIncomplete) {
   Start();
   ASSERT_TRUE(Take().ok());
-  std::thread later([&] {
-    SleepFor(clock_, milliseconds(10));
-    fake_->NumberNextBack(5);
-  });
-  const absl::Status taken = Take(milliseconds(15)).status();
-  later.join();
+  const absl::Status taken = TakeDuring([&] { fake_->NumberNextBack(5); });
   EXPECT_EQ(ErrorReason(taken), "FRAME_INCOMPLETE") << taken;
   EXPECT_TRUE(Take(milliseconds(15)).ok());
 }
@@ -254,12 +265,7 @@ TEST_F(V4l2FaultsTest, ABrokenStreamIsAFaultAndBeginsAnew) {
   Start();
   const absl::StatusOr<Frame> before = Take();
   ASSERT_TRUE(before.ok());
-  std::thread later([&] {
-    SleepFor(clock_, milliseconds(10));
-    fake_->BreakStream();
-  });
-  const absl::Status broken = Take(milliseconds(15)).status();
-  later.join();
+  const absl::Status broken = TakeDuring([&] { fake_->BreakStream(); });
   EXPECT_EQ(ErrorReason(broken), "DEVICE_FAULT") << broken;
   EXPECT_EQ(broken.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_NE(broken.message().find("VIDIOC_DQBUF"), std::string_view::npos) << broken;
@@ -274,12 +280,7 @@ TEST_F(V4l2FaultsTest, BuffersThatComeBackEmptyAreAFaultAndTheStreamBeginsAnew) 
   Start();
   const absl::StatusOr<Frame> before = Take();
   ASSERT_TRUE(before.ok());
-  std::thread later([&] {
-    SleepFor(clock_, milliseconds(10));
-    fake_->CancelBuffers();
-  });
-  const absl::Status broken = Take(milliseconds(15)).status();
-  later.join();
+  const absl::Status broken = TakeDuring([&] { fake_->CancelBuffers(); });
   EXPECT_EQ(ErrorReason(broken), "DEVICE_FAULT") << broken;
   EXPECT_NE(broken.message().find("without a frame"), std::string_view::npos) << broken;
   const absl::StatusOr<Frame> after = Take();
@@ -376,13 +377,8 @@ TEST_F(V4l2FaultsTest, AnUnpluggedCameraIsLostAndComesBack) {
   Start();
   const absl::StatusOr<Frame> before = Take();
   ASSERT_TRUE(before.ok());
-  std::thread later([&] {
-    SleepFor(clock_, milliseconds(10));
-    fake_->Unplug();
-  });
   const TimePoint start = clock_.Now();
-  const absl::Status lost = Take(milliseconds(15)).status();
-  later.join();
+  const absl::Status lost = TakeDuring([&] { fake_->Unplug(); });
   EXPECT_EQ(ErrorReason(lost), "DEVICE_LOST") << lost;
   EXPECT_TRUE(absl::IsUnavailable(lost));
   EXPECT_NE(lost.message().find("Test camera"), std::string_view::npos) << lost;

@@ -6,6 +6,7 @@
 #include <unistd.h>
 #include <xf86drm.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -57,25 +58,22 @@ class Output {
   int height() const { return height_; }
   double refresh_hz() const { return refresh_hz_; }
   std::string device() const { return absl::StrCat("/dev/dri/card", card_); }
-  ScannedOut ScanOut() const {
-    absl::StatusOr<ScannedOut> out = scanout_->Read();
-    EXPECT_TRUE(out.ok()) << out.status();
-    return out.value_or(ScannedOut());
-  }
+  absl::StatusOr<ScannedOut> ScanOut() const { return scanout_->Read(); }
   // As if its cable were off, or on again.
   void Plug(bool in) const { std::ofstream(connector_ / "status") << (in ? "detect" : "off"); }
 
   // The first pixel that is another one; also if the mode is not the native one.
   std::string Difference(const std::vector<uint32_t>& pixels) const {
-    const ScannedOut out = ScanOut();
-    if (out.width != width_ || out.height != height_) {
-      return absl::StrCat("it runs at ", out.width, "x", out.height, " instead of ", width_, "x",
+    const absl::StatusOr<ScannedOut> out = ScanOut();
+    if (!out.ok()) return MessageOf(out.status());
+    if (out->width != width_ || out->height != height_) {
+      return absl::StrCat("it runs at ", out->width, "x", out->height, " instead of ", width_, "x",
                           height_);
     }
-    for (size_t i = 0; i < out.pixels.size(); ++i) {
-      if (out.pixels[i] == pixels[i]) continue;
+    for (size_t i = 0; i < out->pixels.size(); ++i) {
+      if (out->pixels[i] == pixels[i]) continue;
       return absl::StrFormat("pixel (%d, %d) is %06x instead of %06x", i % width_, i / width_,
-                             out.pixels[i], pixels[i]);
+                             out->pixels[i], pixels[i]);
     }
     return "";
   }
@@ -104,6 +102,7 @@ Pattern Of(PatternArrangement arrangement, PatternProfile profile, int grid, int
 }
 
 constexpr int kFrames = 3;
+constexpr int kTries = 3;  // a machine that is very busy may outlast the driver's patience
 const Pattern kBlack;
 const Pattern kFull = Of(PatternArrangement::kFull, PatternProfile::kBox, 1, 0, 0);
 const Pattern kHat = Of(PatternArrangement::kSquare, PatternProfile::kHat, 4, 1, 2);
@@ -124,17 +123,36 @@ class KmsVm : public testing::Test {
                             "rig.toml"));
     DeviceOpener<Projector> open = DisplayDriver().parse(document.root().Table("projector"));
     RETURN_IF_ERROR(document.Finish());
-    return open({"projector", &clock_, &geometry_});
+    absl::StatusOr<std::unique_ptr<Projector>> opened;
+    for (int i = 0; i < kTries; ++i) {
+      opened = open({"projector", &clock_, &geometry_});
+      if (ErrorReason(opened.status()) != "DEVICE_SILENT") break;
+    }
+    return opened;
   }
+  // Notes meanwhile where in the card's memory the picture is.
   absl::Status Show(Projector& projector, const Pattern& pattern) {
-    Pending<ProjectorState> done(clock_);
-    projector.Show(pattern, clock_.Now() + seconds(120), done.sink());
-    return done.Wait(kNever, "Show").status();
+    absl::Status shown;
+    for (int i = 0; i < kTries; ++i) {
+      const TimePoint begin = clock_.Now();
+      Pending<ProjectorState> done(clock_);
+      projector.Show(pattern, begin + seconds(120), done.sink());
+      while (!done.done()) {
+        if (auto out = one_.ScanOut(); out.ok()) places_.insert(out->offset);
+        SleepFor(clock_, milliseconds(5));
+      }
+      shown = done.Wait(kNever, "Show").status();
+      took_ = clock_.Now() - begin;
+      if (ErrorReason(shown) != "DEVICE_SILENT") break;
+    }
+    return shown;
   }
 
   RealClock clock_;
   RigGeometry geometry_;
   const Output one_{0}, other_{1};
+  std::set<uint64_t> places_;
+  Duration took_{};  // the last Show
 };
 
 ScreenOptions On(const Output& output) {
@@ -193,26 +211,24 @@ TEST_F(KmsVm, EveryPixelThatIsScannedOutIsThePatterns) {
     for (int shift : {16, 8, 0}) rgb.push_back(static_cast<uint8_t>(colour >> shift));
   }
   absl::Status shown = (*screen)->Show(rgb, 3);
+  for (int i = 1; i < kTries && ErrorReason(shown) == "DEVICE_SILENT"; ++i) {
+    screen->reset();
+    screen = Screen::Open(On(other_), other_.width(), other_.height());
+    ASSERT_TRUE(screen.ok()) << screen.status();
+    shown = (*screen)->Show(rgb, 3);
+  }
   ASSERT_TRUE(shown.ok()) << shown;
   EXPECT_EQ(one_.Difference(kBlack), "") << "that is the other one's";
   double shortest_s = 1e9;
-  std::set<uint64_t> places;
   for (const Pattern& pattern : {kHat, kFull, kRow, kBlack, kBox}) {
-    const TimePoint begin = clock_.Now();
-    Pending<ProjectorState> done(clock_);
-    (*projector)->Show(pattern, begin + seconds(120), done.sink());
-    while (!done.done()) {
-      places.insert(one_.ScanOut().offset);
-      SleepFor(clock_, milliseconds(5));
-    }
-    shown = done.Wait(kNever, "Show").status();
-    shortest_s = std::min(shortest_s, Seconds(clock_.Now() - begin));
+    shown = Show(**projector, pattern);
+    shortest_s = std::min(shortest_s, Seconds(took_));
     ASSERT_TRUE(shown.ok()) << shown;
     EXPECT_EQ(one_.Difference(pattern), "");
     EXPECT_EQ(other_.Difference(colours), "");
   }
-  EXPECT_GE(places.size(), 2u) << "pictures are not flipped to, but drawn where they are seen";
-  // The output is a slow one, so that drawing is not what takes the time.
+  EXPECT_GE(places_.size(), 2u) << "pictures are not flipped to, but drawn where they are seen";
+  ASSERT_LT(one_.refresh_hz(), 11) << "or drawing would be what takes the time";
   std::printf("a pattern of %d frames at %.3g Hz took %.0f ms at least\n", kFrames,
               one_.refresh_hz(), shortest_s * 1e3);
   EXPECT_GE(shortest_s, 0.95 * (kFrames - 1) / one_.refresh_hz());
@@ -239,8 +255,9 @@ TEST_F(KmsVm, EveryPixelThatIsScannedOutIsThePatterns) {
   }
   ASSERT_EQ(killed, 1);
   const TimePoint late = clock_.Now() + seconds(20);
-  while (!one_.Difference(kBlack).empty() && clock_.Now() < late)
+  while (!one_.Difference(kBlack).empty() && clock_.Now() < late) {
     SleepFor(clock_, milliseconds(20));
+  }
   EXPECT_EQ(one_.Difference(kBlack), "");
 }
 
