@@ -171,7 +171,7 @@ TEST_F(CanopenAxisTest, ASlowTurnIsNoStall) {
   SleepFor(bench_.clock(), milliseconds(1500));
   EXPECT_FALSE(slow.done());
   EXPECT_TRUE(Stop().ok());
-  EXPECT_GT(bench_.Truth().position.degrees(), 0.03);
+  EXPECT_GT(bench_.Truth().position.degrees(), 0.005);
 }
 
 TEST_F(CanopenAxisTest, ADriveThatDoesNotWatchUsIsNotTurned) {
