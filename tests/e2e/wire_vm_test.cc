@@ -145,8 +145,8 @@ TEST(WireVmUvc, ALightStageThroughUvcvideoEqualsTheDirectOne) {
 
 // What the camera keeps is known here: no frame that is stamped later counts.
 TEST(WireVmUvc, WithALatencyALightStageEqualsTheDirectOneToo) {
-  const std::string rig = Replaced(UvcRig(RealTime(UvcDirectRig()), "latency_ms = 100\n"),
-                                   "frames_per_s = 20\n", "frames_per_s = 20\nlatency_ms = 400\n");
+  const std::string rig = Replaced(UvcRig(RealTime(UvcDirectRig()), "latency_ms = 50\n"),
+                                   "frames_per_s = 20\n", "frames_per_s = 20\nlatency_ms = 250\n");
   ExpectSame(TestFolder(), UvcDirectRig(), rig, kTwiceEightLamps, 16, 0.016);
 }
 
@@ -159,6 +159,8 @@ TEST(WireVmUvc, TheLatencyIsMeasured) {
   std::string rig = Replaced(UvcRig(RealTime(UvcDirectRig()), "latency_ms = 30\n"),
                              "scene = \"balls\"", "scene = \"white.toml\"");
   rig = Replaced(rig, "exposures_us = [1000, 16000]", "exposures_us = [16000]");
+  // Mostly idle: where the machine is busy with the pictures, the light is switched between them only.
+  rig = Replaced(rig, "frames_per_s = 20", "frames_per_s = 5");
   WriteText(folder / "rig.toml",
             Replaced(rig, "[engine]", "[limits]\nmax_lamps_on = 2\n\n[engine]"));
   Process daemon({DaemonProgram(), "--rig", folder / "rig.toml", "--data", folder / "data",

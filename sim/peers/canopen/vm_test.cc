@@ -247,8 +247,9 @@ TEST(SocketCanVm, BusOffEndsTheMoveAtOnceAndComesBackByHoming) {
     homed = home();
     EXPECT_TRUE(IsBusOff(homed)) << homed;
     Restart();
-    EXPECT_EQ(ErrorReason(move(10).Wait(kNever, "Move").status()), "DEVICE_LOST")
-        << "where it is now nobody knows";
+    // Where it is now nobody knows, also once the driver has connected anew to halt it.
+    EXPECT_THAT(ErrorReason(move(10).Wait(kNever, "Move").status()),
+                testing::AnyOf("DEVICE_LOST", "NOT_HOMED"));
   }
   std::printf("bus-off was told after %.1f ms\n", Seconds(shortest) * 1e3);
   EXPECT_LT(shortest, kAtOnce);

@@ -356,7 +356,8 @@ TEST_F(DriveTest, ALostConnectionComesBackByHoming) {
     EXPECT_EQ(ErrorReason(Move(20)), "DEVICE_LOST");
     EXPECT_EQ(ErrorReason(Home()), "DEVICE_LOST") << "still unplugged";
     ASSERT_EQ(bench_.server().Plug(), absl::OkStatus());
-    EXPECT_EQ(ErrorReason(Move(20)), "DEVICE_LOST") << "by homing only";
+    // By homing only, also once the driver has connected anew to halt it.
+    EXPECT_THAT(ErrorReason(Move(20)), testing::AnyOf("DEVICE_LOST", "NOT_HOMED"));
     EXPECT_TRUE(Home().ok());
     EXPECT_TRUE(Move(20).ok());
     axis_.reset();
