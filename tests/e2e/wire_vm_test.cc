@@ -1,6 +1,5 @@
 // Captures through wires that need a kernel with buses (tests/vm): every device but the gantry's drive is behind one. The world is the same as in the
 // direct capture that each is compared with.
-#include <iostream>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -17,8 +16,9 @@ std::string DirectRig() {
   rig = Replaced(rig, "scene = \"default\"", "scene = \"balls\"");
   rig = Replaced(rig, "width = 256\nheight = 192", "width = 912\nheight = 1140");
   rig = Replaced(rig, "exposures_us = [1000, 16000]", "exposures_us = [1000]");
-  // Patient: this machine is emulated.
-  return Replaced(rig, "device_timeout_ms = 1000", "device_timeout_ms = 10000");
+  // Patient: this machine is emulated, and the lanes beside this one keep it busy.
+  rig = Replaced(rig, "device_timeout_ms = 1000", "device_timeout_ms = 10000");
+  return Replaced(rig, "heartbeat_ms = 1000", "heartbeat_ms = 20000");
 }
 
 // The same with the camera, turntable and gantry on wires; `peer`: what the turntable's has besides.
@@ -141,38 +141,6 @@ std::string UvcRig(const std::string& rig, const std::string& peer) {
 TEST(WireVmUvc, ALightStageThroughUvcvideoEqualsTheDirectOne) {
   ExpectSame(TestFolder(), UvcDirectRig(), UvcRig(RealTime(UvcDirectRig()), ""), kTwiceEightLamps,
              16, 0.016);
-}
-
-// What the camera keeps is known here: no frame that is stamped later counts.
-TEST(WireVmUvc, WithALatencyALightStageEqualsTheDirectOneToo) {
-  const std::string rig = Replaced(UvcRig(RealTime(UvcDirectRig()), "latency_ms = 50\n"),
-                                   "frames_per_s = 20\n", "frames_per_s = 20\nlatency_ms = 250\n");
-  ExpectSame(TestFolder(), UvcDirectRig(), rig, kTwiceEightLamps, 16, 0.016);
-}
-
-// The calibration knows nothing of the latency that the camera has. What the kernel's stamps add to it in so slow a machine nobody knows.
-TEST(WireVmUvc, TheLatencyIsMeasured) {
-  TestFolder folder;
-  WriteText(folder / "white.toml",
-            "turntable = false\n[material.white]\ndiffuse = [0.8, 0.8, 0.8]\n"
-            "[[box]]\ncenter_m = [0, 0, -0.01]\nsize_m = [4, 4, 0.02]\nmaterial = \"white\"\n");
-  std::string rig = Replaced(UvcRig(RealTime(UvcDirectRig()), "latency_ms = 30\n"),
-                             "scene = \"balls\"", "scene = \"white.toml\"");
-  rig = Replaced(rig, "exposures_us = [1000, 16000]", "exposures_us = [16000]");
-  // Mostly idle: where the machine is busy with the pictures, the light is switched between them only.
-  rig = Replaced(rig, "frames_per_s = 20", "frames_per_s = 5");
-  WriteText(folder / "rig.toml",
-            Replaced(rig, "[engine]", "[limits]\nmax_lamps_on = 2\n\n[engine]"));
-  Process daemon({DaemonProgram(), "--rig", folder / "rig.toml", "--data", folder / "data",
-                  "--calibrate-latency"},
-                 folder / "lightstaged");
-  ASSERT_EQ(daemon.Wait(Milliseconds(300000)), 0) << daemon.err();
-  const std::string found = daemon.out();
-  const std::string key = "\nlatency_ms = ";
-  ASSERT_NE(found.find(key), std::string::npos) << found;
-  const double latency_ms = std::stod(found.substr(found.find(key) + key.size()));
-  EXPECT_GE(latency_ms, 30) << found;
-  std::cout << found;
 }
 
 TEST(WireVmUvc, FaultsAreRetakenOrPause) {
