@@ -68,7 +68,9 @@ std::optional<GvcpEvents> DecodeEvents(std::span<const std::byte> packet) {
     uint64_t frame_id = Get16(event + 6);
     if (size == kLongEvent) {
       frame_id = 0;
-      for (int i = 0; i < 4; ++i) frame_id = frame_id << 16 | Get16(event + 8 + 2 * i);
+      for (const std::byte* part = event + 8; part < event + 16; part += 2) {
+        frame_id = frame_id << 16 | Get16(part);
+      }
     }
     events.events.push_back({Get16(event + 2), frame_id});
     if (events.with_data) break;
