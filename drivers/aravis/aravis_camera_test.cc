@@ -64,6 +64,8 @@ class AravisFixture : public CameraFixture {
 
 // ---- What only this driver has
 
+constexpr CameraConfig kSmall{PixelFormat::kMono8, 160, 120, 0};
+
 class AravisCameraTest : public testing::Test {
  protected:
   void Start(int lost_per_mille = 0) {
@@ -103,6 +105,22 @@ class AravisCameraTest : public testing::Test {
     for (int i = 0; i < 5 && absl::IsDataLoss(frame.status()); ++i) frame = Take(exposure);
     return frame;
   }
+  // With the patience of a rig file that is silent about it.
+  void ExpectUnplugging(absl::FunctionRef<void(bool plugged)> plug) {
+    Start();
+    AravisOptions options = Options();
+    options.lost_after = AravisOptions().lost_after;
+    ASSERT_TRUE(Open(options).ok());
+    ASSERT_TRUE(Ready(kSmall).ok());
+    CheckUnplugging(clock_, "camera",
+                    {.plug = plug,
+                     .use = [&] { return TakeWithRetakes(milliseconds(10)).status(); },
+                     .recover =
+                         [&] {
+                           camera_->Disarm(clock_.Now() + seconds(30), [](auto) {});
+                           return Ready(kSmall);
+                         }});
+  }
 
   RealClock clock_;
   std::optional<FakeCameraProcess> process_;
@@ -123,8 +141,6 @@ class Log {
   std::ostringstream text_;
   const std::shared_ptr<spdlog::logger> before_;
 };
-
-constexpr CameraConfig kSmall{PixelFormat::kMono8, 160, 120, 0};
 
 // The fake camera's picture: a diagonal ramp (x + y + frame id) mod 255 at 10 ms and gain 0.
 bool IsDiagonalRamp(const Frame& frame) {
@@ -310,35 +326,11 @@ TEST_F(AravisCameraTest, LostCameraIsReportedAndCanComeBack) {
 
 // As the cable does: the camera is silent and has its state when it answers again.
 TEST_F(AravisCameraTest, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
-  Start();
-  AravisOptions options = Options();
-  options.lost_after = AravisOptions().lost_after;
-  ASSERT_TRUE(Open(options).ok());
-  ASSERT_TRUE(Ready(kSmall).ok());
-  CheckUnplugging(clock_, "camera",
-                  {.plug = [&](bool plugged) { process_->Suspend(!plugged); },
-                   .use = [&] { return TakeWithRetakes(milliseconds(10)).status(); },
-                   .recover =
-                       [&] {
-                         camera_->Disarm(clock_.Now() + seconds(30), [](auto) {});
-                         return Ready(kSmall);
-                       }});
+  ExpectUnplugging([&](bool plugged) { process_->Suspend(!plugged); });
 }
 
 TEST_F(AravisCameraTest, SwitchedOffIsToldWithinASecondAndKeepsNothingOpen) {
-  Start();
-  AravisOptions options = Options();
-  options.lost_after = AravisOptions().lost_after;
-  ASSERT_TRUE(Open(options).ok());
-  ASSERT_TRUE(Ready(kSmall).ok());
-  CheckUnplugging(clock_, "camera",
-                  {.plug = [&](bool plugged) { plugged ? Start() : process_->Kill(); },
-                   .use = [&] { return TakeWithRetakes(milliseconds(10)).status(); },
-                   .recover =
-                       [&] {
-                         camera_->Disarm(clock_.Now() + seconds(30), [](auto) {});
-                         return Ready(kSmall);
-                       }});
+  ExpectUnplugging([&](bool plugged) { plugged ? Start() : process_->Kill(); });
 }
 
 // Restarted while armed, as after a power cut: what it was configured to is applied again by Arm alone.

@@ -100,7 +100,7 @@ class LinkedAxis final : public Axis {
     }
     auto operation = thread_.Start(std::move(done), deadline, "the stop");
     thread_.Post([this, operation] {
-      const bool commanded = motion_ != nullptr && motion_->stage != Motion::kWaiting;
+      const bool commanded = Commanded();
       motion_.reset();
       // Even if nothing seems to move: a stop is to be trusted. Connecting anew leaves it at rest.
       absl::Status halted = Note(link_->Halt());
@@ -178,8 +178,7 @@ class LinkedAxis final : public Axis {
     absl::StatusOr<AxisReading> reading = link_->Read();
     Note(reading.status()).IgnoreError();
     if (!reading.ok()) return reading;
-    const bool commanded = motion_ != nullptr && motion_->stage != Motion::kWaiting;
-    if (commanded || reading->moving) {
+    if (Commanded() || reading->moving) {
       rest_.reset();
     } else if (!rest_) {
       rest_ = reading->position;
@@ -190,6 +189,9 @@ class LinkedAxis final : public Axis {
     if (doubtful_) reading->homed = false;
     return reading;
   }
+
+  // The drive was told to move, and it is not over.
+  bool Commanded() const { return motion_ != nullptr && motion_->stage != Motion::kWaiting; }
 
   bool IsOff(Angle way) const { return std::abs(way.degrees()) > info_.tolerance.degrees(); }
 
@@ -239,7 +241,7 @@ class LinkedAxis final : public Axis {
     if (motion_ == nullptr) return;
     // That the link was lost may only show now: homing connects anew in the next step, and begins again.
     if (lost_ && motion_->kind == Motion::kHome && !std::exchange(motion_->reconnected, true)) {
-      if (motion_->stage != Motion::kWaiting) HaltIt();
+      if (Commanded()) HaltIt();
       motion_->stage = Motion::kWaiting;
       return;
     }
@@ -249,7 +251,7 @@ class LinkedAxis final : public Axis {
       return StartMotion({});
     }
     // Told first: to a drive that does not answer a halt takes its time.
-    const bool commanded = motion_->stage != Motion::kWaiting;
+    const bool commanded = Commanded();
     End(error);
     if (commanded) HaltIt();
   }
