@@ -131,7 +131,7 @@ const bool kAxes =
 
 class LinkedAxisTest : public testing::Test {
  protected:
-  LinkedAxisTest() : over_(false), axis_(*over_.Open()) {}
+  explicit LinkedAxisTest(bool turns = false) : over_(turns), axis_(*over_.Open()) {}
   absl::Status Home() {
     Pending<AxisState> done(over_.clock());
     axis_->Home(In(seconds(20)), done.sink());
@@ -194,91 +194,92 @@ TEST_F(LinkedAxisTest, ADriveThatStandsWhereNobodyMovedItHasToBeHomed) {
   EXPECT_TRUE(Move(45).ok());
 }
 
-TEST(LinkedTurn, ADriveThatDoesNotTurnIsNoticed) {
-  AxisOverDrive over(true);
-  auto axis = *over.Open();
-  Pending<AxisState> home(over.clock()), done(over.clock());
-  axis->Home(over.clock().Now() + seconds(20), home.sink());
-  ASSERT_TRUE(home.Wait(kNever, "Home").ok());
-  over.drive.deaf = true;
-  axis->Turn(-50, over.clock().Now() + seconds(20), done.sink());
-  const absl::Status turned = done.Wait(kNever, "Turn").status();
+class LinkedTurnTest : public LinkedAxisTest {
+ protected:
+  LinkedTurnTest() : LinkedAxisTest(true) {}
+  Pending<AxisState> Turn(double dps) {
+    Pending<AxisState> done(over_.clock());
+    axis_->Turn(dps, In(seconds(20)), done.sink());
+    return done;
+  }
+  bool Homed() {
+    Pending<AxisState> done(over_.clock());
+    axis_->Read(In(seconds(20)), done.sink());
+    return done.Wait(kNever, "Read")->homed;
+  }
+  bool Turns() {
+    MutexLock lock(&over_.drive.mutex);
+    return over_.drive.At(over_.clock().Now()) != over_.drive.to;
+  }
+  int Halts() {
+    MutexLock lock(&over_.drive.mutex);
+    return over_.drive.halts;
+  }
+  bool Becomes(absl::FunctionRef<bool()> ready) {
+    for (const TimePoint give_up = In(seconds(20)); !ready();) {
+      if (over_.clock().Now() > give_up) return false;
+      SleepFor(over_.clock(), milliseconds(1));
+    }
+    return true;
+  }
+};
+
+TEST_F(LinkedTurnTest, ADriveThatDoesNotTurnIsNoticed) {
+  ASSERT_TRUE(Home().ok());
+  over_.drive.deaf = true;
+  const absl::Status turned = Turn(-50).Wait(kNever, "Turn").status();
   EXPECT_EQ(ErrorReason(turned), "AXIS_STALLED") << turned;
   EXPECT_NE(turned.message().find("-50 deg/s"), std::string::npos) << turned;
 }
 
-TEST(LinkedTurn, AnErrorOnTheWayHaltsAndTakesTheReference) {
-  AxisOverDrive over(true);
-  auto axis = *over.Open();
-  const auto homed = [&] {
-    Pending<AxisState> done(over.clock());
-    axis->Read(over.clock().Now() + seconds(20), done.sink());
-    return done.Wait(kNever, "Read")->homed;
-  };
-  Pending<AxisState> home(over.clock()), done(over.clock());
-  axis->Home(over.clock().Now() + seconds(20), home.sink());
-  ASSERT_TRUE(home.Wait(kNever, "Home").ok());
-  ASSERT_TRUE(homed());
-  axis->Turn(50, over.clock().Now() + seconds(20), done.sink());
-  SleepFor(over.clock(), milliseconds(20));
-  {
-    MutexLock lock(&over.drive.mutex);
-    over.drive.next_read = Fault(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT");
-  }
-  EXPECT_EQ(ErrorReason(done.Wait(kNever, "Turn").status()), "DEVICE_SILENT");
-  EXPECT_FALSE(homed());
-  MutexLock lock(&over.drive.mutex);
-  EXPECT_EQ(over.drive.halts, 1);
-  EXPECT_LT(over.drive.to, 20) << "it must not go on";
+TEST_F(LinkedTurnTest, AnErrorOnTheWayHaltsAndTakesTheReference) {
+  ASSERT_TRUE(Home().ok());
+  ASSERT_TRUE(Homed());
+  auto turn = Turn(50);
+  SleepFor(over_.clock(), milliseconds(20));
+  FailNextRead(Fault(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT"));
+  EXPECT_EQ(ErrorReason(turn.Wait(kNever, "Turn").status()), "DEVICE_SILENT");
+  EXPECT_FALSE(Homed());
+  EXPECT_EQ(Halts(), 1);
+  MutexLock lock(&over_.drive.mutex);
+  EXPECT_LT(over_.drive.to, 20) << "it must not go on";
 }
 
 // Nothing may turn on because a wire was cut for a while.
-TEST(LinkedTurn, AHaltThatIsNotConfirmedIsCommandedAgain) {
+TEST_F(LinkedTurnTest, AHaltThatIsNotConfirmedIsCommandedAgain) {
   for (bool lost : {false, true}) {
-    AxisOverDrive over(true);
-    auto axis = *over.Open();
-    Pending<AxisState> home(over.clock()), done(over.clock());
-    axis->Home(over.clock().Now() + seconds(20), home.sink());
-    ASSERT_TRUE(home.Wait(kNever, "Home").ok());
-    axis->Turn(50, over.clock().Now() + seconds(20), done.sink());
-    SleepFor(over.clock(), milliseconds(20));
-    const absl::Status cut = lost ? Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST")
-                                  : Fault(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT");
-    int connects;
+    ASSERT_TRUE(Home().ok());
+    const int connects = over_.drive.connects, halts = Halts();
+    auto turn = Turn(50);
+    SleepFor(over_.clock(), milliseconds(20));
     {
-      MutexLock lock(&over.drive.mutex);
-      over.drive.next_read = over.drive.halt = cut;
-      connects = over.drive.connects;
+      MutexLock lock(&over_.drive.mutex);
+      over_.drive.next_read = over_.drive.halt =
+          lost ? Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST")
+               : Fault(absl::StatusCode::kDeadlineExceeded, "DEVICE_SILENT");
     }
-    EXPECT_FALSE(done.Wait(kNever, "Turn").ok());
-    const auto turns = [&] {
-      MutexLock lock(&over.drive.mutex);
-      return over.drive.At(over.clock().Now()) != over.drive.to;
-    };
-    EXPECT_TRUE(turns()) << "it did not hear";
+    EXPECT_FALSE(turn.Wait(kNever, "Turn").ok());
+    EXPECT_TRUE(Becomes([&] { return Halts() > halts; }));
+    EXPECT_TRUE(Turns()) << "it did not hear";
     {
-      MutexLock lock(&over.drive.mutex);
-      over.drive.halt = absl::OkStatus();
+      MutexLock lock(&over_.drive.mutex);
+      over_.drive.halt = absl::OkStatus();
     }
-    const TimePoint give_up = over.clock().Now() + seconds(20);
-    while (turns() && over.clock().Now() < give_up) SleepFor(over.clock(), milliseconds(10));
-    EXPECT_FALSE(turns());
-    MutexLock lock(&over.drive.mutex);
-    EXPECT_EQ(over.drive.connects, lost ? connects + 1 : connects);
+    EXPECT_TRUE(Becomes([&] { return !Turns(); }));
+    MutexLock lock(&over_.drive.mutex);
+    EXPECT_EQ(over_.drive.connects, lost ? connects + 1 : connects);
   }
 }
 
-TEST(LinkedTurn, AStopOnALostLinkConnectsAnew) {
-  AxisOverDrive over(true);
-  auto axis = *over.Open();
+TEST_F(LinkedTurnTest, AStopOnALostLinkConnectsAnew) {
   {
-    MutexLock lock(&over.drive.mutex);
-    over.drive.halt = Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST");
+    MutexLock lock(&over_.drive.mutex);
+    over_.drive.halt = Fault(absl::StatusCode::kUnavailable, "DEVICE_LOST");
   }
-  Pending<AxisState> stopped(over.clock());
-  axis->Stop(over.clock().Now() + seconds(20), stopped.sink());
+  Pending<AxisState> stopped(over_.clock());
+  axis_->Stop(In(seconds(20)), stopped.sink());
   EXPECT_TRUE(stopped.Wait(kNever, "Stop").ok());
-  EXPECT_EQ(over.drive.connects, 2);
+  EXPECT_EQ(over_.drive.connects, 2);
 }
 
 TEST_F(LinkedAxisTest, AMoveThatIsTooLateIsHalted) {
