@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/own_copy.h"
 #include "base/status.h"
 
 namespace lightstage::canopen {
@@ -32,11 +33,6 @@ absl::Status Taken(int node, const std::string& bus, const std::string& by) {
 }
 
 }  // namespace
-
-absl::Status OwnCopy(const absl::Status& status) {
-  if (status.ok()) return status;
-  return Error(status.code(), ErrorReason(status), MessageOf(status), ErrorMetadataOf(status));
-}
 
 std::shared_ptr<CanBus> CanBus::Shared(const std::string& name, Clock& clock, CanPortOpener open) {
   Registry& registry = TheRegistry();
@@ -84,8 +80,8 @@ absl::Status CanBus::Connect() {
   }
   absl::StatusOr<std::unique_ptr<CanPort>> opened = open_();
   if (!opened.ok()) {
-    MutexLock inner(&mutex_);
-    trouble_ = OwnCopy(opened.status());
+    // Others may wait for what was to come through the port that was there before.
+    Fail(opened.status(), /*useless=*/true);
     return opened.status();
   }
   std::shared_ptr<CanPort> port = *std::move(opened);

@@ -16,10 +16,6 @@
 
 namespace lightstage::canopen {
 
-// The same error in memory of its own. Statuses that threads leave each other under a lock would share theirs, and how Debian's Abseil counts
-// who still holds it ThreadSanitizer does not see (docs/decisions/0002-mutex.md).
-absl::Status OwnCopy(const absl::Status& status);
-
 // Who wants to hear one node. Called on the bus's thread with a lock of the bus held: must not call the bus.
 class NodeListener {
  public:

@@ -69,6 +69,72 @@ class CanBusTest : public testing::Test {
   int opened_ = 0;
 };
 
+// What a port can do that the wire can not: its sending fails alone, and it stands still while frames wait in it.
+class OddPort final : public CanPort {
+ public:
+  OddPort(std::unique_ptr<CanPort> port, const std::atomic<bool>& breaks,
+          const std::atomic<Duration::rep>& stands_ns)
+      : port_(std::move(port)), breaks_(breaks), stands_ns_(stands_ns) {}
+  absl::Status Send(const CanFrame& frame) override {
+    if (breaks_) return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST", "it is down");
+    return port_->Send(frame);
+  }
+  absl::StatusOr<std::optional<CanEvent>> Receive(Duration timeout) override {
+    std::this_thread::sleep_for(Duration(stands_ns_));
+    return port_->Receive(timeout);
+  }
+  CanState state() const override { return port_->state(); }
+
+ private:
+  const std::unique_ptr<CanPort> port_;
+  const std::atomic<bool>& breaks_;
+  const std::atomic<Duration::rep>& stands_ns_;
+};
+
+// A machine that is busy, or stood still: the answer was there in time.
+TEST_F(CanBusTest, AnAnswerThatIsReadLateWasNotLate) {
+  const std::atomic<bool> breaks{false};
+  std::atomic<Duration::rep> stands_ns{0};
+  auto bus = std::make_shared<CanBus>("can0", clock_, [&] {
+    return absl::StatusOr<std::unique_ptr<CanPort>>(
+        std::make_unique<OddPort>(wire_.Attach(), breaks, stands_ns));
+  });
+  Node five("tilt", bus, 5, milliseconds(300), nullptr);
+  ASSERT_TRUE(five.Attach().ok());
+  std::thread answer([&] { AnswerWith({{0x60, 0x17, 0x10, 0, 0, 0, 0, 0}}); });
+  stands_ns = Duration(milliseconds(700)).count();
+  const absl::Status written = five.WriteInteger({0x1017, 0}, 100, 2);
+  EXPECT_TRUE(written.ok()) << written;
+  stands_ns = 0;
+  answer.join();
+  EXPECT_EQ(ErrorReason(five.WriteInteger({0x1017, 0}, 100, 2)), "DEVICE_SILENT");
+}
+
+// Who shares the bus may be the one who finds that it is gone.
+TEST_F(CanBusTest, WhoWaitsIsToldThatThePortWasTakenAway) {
+  std::atomic<bool> breaks{false};
+  const std::atomic<Duration::rep> stands_ns{0};
+  auto bus =
+      std::make_shared<CanBus>("can0", clock_, [&]() -> absl::StatusOr<std::unique_ptr<CanPort>> {
+        if (breaks) return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST", "it is down");
+        return std::make_unique<OddPort>(wire_.Attach(), breaks, stands_ns);
+      });
+  Node five("tilt", bus, 5, seconds(20), nullptr), nine("lamps", bus, 9, seconds(1), nullptr);
+  ASSERT_TRUE(five.Attach().ok() && nine.Attach().ok());
+  absl::Status waited;
+  const TimePoint begin = clock_.Now();
+  std::thread waits([&] { waited = five.WriteInteger({0x1017, 0}, 100, 2); });
+  ASSERT_TRUE(Becomes([&] { return SentWith(0x605) == 1; }));
+  breaks = true;
+  EXPECT_FALSE(nine.WriteInteger({0x1017, 0}, 100, 2).ok());
+  EXPECT_FALSE(nine.Attach().ok());
+  waits.join();
+  EXPECT_EQ(ErrorReason(waited), "DEVICE_LOST") << waited;
+  EXPECT_LT(clock_.Now() - begin, seconds(15));
+  breaks = false;
+  EXPECT_TRUE(five.Attach().ok());
+}
+
 TEST_F(CanBusTest, GivesFramesToTheNodeWhoseTheyAre) {
   Node five("tilt", bus_, 5, seconds(1), nullptr), nine("lamps", bus_, 9, seconds(1), nullptr);
   ASSERT_TRUE(five.Attach().ok());

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "base/own_copy.h"
 #include "base/status.h"
 
 namespace lightstage::canopen {
@@ -100,7 +101,8 @@ absl::StatusOr<SdoReply> Node::Answer(ObjectAddress object, SdoReply::Kind kind,
   while (true) {
     while (answers_.empty()) {
       RETURN_IF_ERROR(CheckLocked());
-      const Duration left = deadline - clock().Now();
+      // By what has been read from the bus: of a machine that stood still the answer may lie there unread.
+      const Duration left = deadline - bus_->heard_until();
       if (left <= Duration::zero()) {
         unanswered_ = true;
         mutex_.Unlock();
@@ -111,7 +113,7 @@ absl::StatusOr<SdoReply> Node::Answer(ObjectAddress object, SdoReply::Kind kind,
         mutex_.Lock();
         return silent;
       }
-      changed_.WaitFor(&mutex_, std::min(left, kLook));
+      changed_.WaitFor(&mutex_, std::clamp<Duration>(left, std::chrono::milliseconds(1), kLook));
     }
     const auto [frame, heard] = answers_.front();
     answers_.pop_front();

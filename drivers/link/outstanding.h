@@ -8,6 +8,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "base/mutex.h"
+#include "base/own_copy.h"
 #include "drivers/api/camera.h"
 
 namespace lightstage {
@@ -62,7 +63,7 @@ class Operation final : public Outstanding {
     SetDelivering(false);
     return true;
   }
-  bool Fail(const absl::Status& status) override { return Complete(status); }
+  bool Fail(const absl::Status& status) override { return Complete(OwnCopy(status)); }
 
  private:
   Completion<T> done_;  // touched by the one who set finished_
@@ -83,7 +84,7 @@ class CameraShot final : public Outstanding {
   void EndExposure(TimePoint time);
   // With an error exposure_ended fails too, unless it was called already.
   bool Finish(absl::StatusOr<Frame> frame);
-  bool Fail(const absl::Status& status) override { return Finish(status); }
+  bool Fail(const absl::Status& status) override { return Finish(OwnCopy(status)); }
 
   const Duration exposure;
   const TimePoint deadline;
