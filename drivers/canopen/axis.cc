@@ -34,7 +34,7 @@ constexpr int kAbortByQuickStop = 3;
 constexpr uint8_t kEventDriven = 255;
 
 // Between two looks while waiting for the drive to do what it was told.
-constexpr Duration kLook = milliseconds(2);
+constexpr Duration kLook = milliseconds(2), kVelocityLook = milliseconds(20);
 // For a standstill when connecting.
 constexpr Duration kRestTime = std::chrono::seconds(5);
 
@@ -197,11 +197,10 @@ absl::Status CanopenAxisLink::CheckLimits() {
 
 absl::Status CanopenAxisLink::SetRamps() {
   const double ramp = PerTurn(options_.max_acceleration_dps2, options_.acceleration_units);
-  for (ObjectAddress object : {kProfileAcceleration, kProfileDeceleration}) {
-    RETURN_IF_ERROR(node_.WriteInteger(
-        object, static_cast<int64_t>(std::clamp<double>(ramp, 1, UINT32_MAX)), 4));
-  }
-  return absl::OkStatus();
+  const auto value = static_cast<int64_t>(std::clamp<double>(ramp, 1, UINT32_MAX));
+  RETURN_IF_ERROR(node_.WriteInteger(kProfileAcceleration, value, 4));
+  // Without one of its own, braking is as accelerating (CiA 402-2, object 6084h).
+  return node_.WriteOptional(kProfileDeceleration, value, 4).status();
 }
 
 absl::Status CanopenAxisLink::ComeToRest() {
@@ -250,8 +249,19 @@ absl::StatusOr<DriveState> CanopenAxisLink::ReadState() {
 }
 
 absl::StatusOr<double> CanopenAxisLink::ReadVelocity() {
-  ASSIGN_OR_RETURN(const int32_t velocity, node_.ReadSigned(kVelocity));
-  return velocity / options_.velocity_units * std::copysign(360.0, options_.units_per_turn);
+  ASSIGN_OR_RETURN(const std::optional<uint32_t> velocity, node_.ReadOptional(kVelocity));
+  if (velocity.has_value()) {
+    return static_cast<int32_t>(*velocity) / options_.velocity_units *
+           std::copysign(360.0, options_.units_per_turn);
+  }
+  // A drive that only positions need not have it: by two positions, which at rest may be a unit apart.
+  ASSIGN_OR_RETURN(const uint32_t from, node_.ReadUnsigned(kPosition));
+  const TimePoint begin = node_.clock().Now();
+  SleepFor(node_.clock(), kVelocityLook);
+  ASSIGN_OR_RETURN(const uint32_t to, node_.ReadUnsigned(kPosition));
+  const auto way = static_cast<int32_t>(to - from);
+  if (std::abs(way) <= 1) return 0;
+  return way / options_.units_per_turn * 360 / Seconds(node_.clock().Now() - begin);
 }
 
 absl::StatusOr<CanopenAxisLink::Look> CanopenAxisLink::LookNow() {

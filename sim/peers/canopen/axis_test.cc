@@ -147,6 +147,15 @@ TEST_F(CanopenAxisTest, ADriveWithoutProfileVelocityModeSaysSo) {
   EXPECT_EQ(ErrorReason(turned), "CANNOT_TURN") << turned;
   EXPECT_THAT(turned.message(), HasSubstr("6502h: 00000021h"));
   EXPECT_TRUE(Move(20).ok()) << "nothing moved";
+  // Without 606Ch it is still known whether it moves.
+  auto moving = Start(170, 20);
+  ASSERT_TRUE(bench_.Becomes([&] { return bench_.Truth().velocity_dps > 19.95; }));
+  const absl::StatusOr<AxisState> state = Read();
+  ASSERT_TRUE(state.ok()) << state.status();
+  EXPECT_TRUE(state->moving);
+  EXPECT_NEAR(state->velocity_dps, 20, 5);
+  EXPECT_TRUE(Stop().ok());
+  EXPECT_FALSE(bench_.Truth().moving);
 }
 
 TEST_F(CanopenAxisTest, ATurnThatCouldNotBeTrustedIsRefusedAtRest) {

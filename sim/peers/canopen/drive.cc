@@ -54,10 +54,6 @@ class CanopenDrive::Profile final : public PeerProfile {
       return static_cast<uint32_t>(static_cast<int32_t>(
           std::lround((Now().position.degrees() - origin_deg_) / 360 * options_.units_per_turn)));
     });
-    objects.Live(0x606C, 0, 4, [this] {
-      return static_cast<uint32_t>(
-          static_cast<int32_t>(std::lround(Now().velocity_dps / 360 * options_.units_per_turn)));
-    });
     objects.Variable(0x607A, 0, 4, 0);
     if (options_.software_limits.has_value()) {
       objects.Constant(0x607D, 0, 1, 2);
@@ -66,17 +62,22 @@ class CanopenDrive::Profile final : public PeerProfile {
     }
     objects.Variable(0x6081, 0, 4, 0);
     objects.Variable(0x6083, 0, 4, 100);
-    objects.Variable(0x6084, 0, 4, 100);
     objects.Variable(0x6098, 0, 1, 0);
     objects.Constant(0x6099, 0, 1, 2);
     objects.Variable(0x6099, 1, 4, 0);
     objects.Variable(0x6099, 2, 4, 0);
     objects.Variable(0x609A, 0, 4, 100);
+    objects.Constant(0x6502, 0, 4, options_.has_velocity_mode ? 0x25 : 0x21);
+    if (!options_.has_velocity_mode) return;
+    objects.Live(0x606C, 0, 4, [this] {
+      return static_cast<uint32_t>(
+          static_cast<int32_t>(std::lround(Now().velocity_dps / 360 * options_.units_per_turn)));
+    });
+    objects.Variable(0x6084, 0, 4, 100);
     objects.Variable(0x60FF, 0, 4, 0, [this](uint32_t velocity) -> uint32_t {
       if (mode_ == 3 && state_ == kEnabled && !halted_) Turn(static_cast<int32_t>(velocity));
       return 0;
     });
-    objects.Constant(0x6502, 0, 4, options_.has_velocity_mode ? 0x25 : 0x21);
   }
 
   void Tick(TimePoint) override {
@@ -282,11 +283,15 @@ class CanopenDrive::Profile final : public PeerProfile {
     const TimePoint now = world_->clock().Now();
     const AxisState state = world_->AxisAt(options_.role, now);
     if (!state.moving) return;
-    world_->SetMotion(options_.role, ::lightstage::sim::Brake(
-                                         now, state.position.degrees(), state.velocity_dps,
-                                         Mechanics(objects_ == nullptr ? 1000 : Dps(0x6084, 0))));
+    world_->SetMotion(options_.role,
+                      ::lightstage::sim::Brake(now, state.position.degrees(), state.velocity_dps,
+                                               Mechanics(Deceleration())));
   }
 
+  double Deceleration() const {
+    if (objects_ == nullptr) return 1000;
+    return Dps(options_.has_velocity_mode ? 0x6084 : 0x6083, 0);
+  }
   double TargetDps() const { return Degrees(static_cast<int32_t>(objects_->Value(0x60FF, 0))); }
   double Degrees(double units) const { return units / options_.units_per_turn * 360; }
 

@@ -19,7 +19,8 @@ struct DriveOptions {
   std::optional<std::pair<int32_t, int32_t>> software_limits;  // 607Dh
   bool has_abort_option = true;                                // 6007h
   bool has_pdo = true;                                         // 1800h, 1A00h
-  bool has_velocity_mode = true;                               // mode 3, and its bit in 6502h
+  // Mode 3, its bit in 6502h, and what a drive that only positions need not have: 606Ch, 6084h, 60FFh.
+  bool has_velocity_mode = true;
 };
 
 class CanopenDrive {

@@ -16,7 +16,7 @@
 namespace lightstage::sim {
 
 // Generous, because a busy machine must not make a node seem lost; tests of just that set less.
-constexpr char kPatient[] = "interface = \"can0\"\nanswer_ms = 1000\nheartbeat_ms = 4000\n";
+constexpr char kPatient[] = "interface = \"can0\"\nanswer_ms = 1000\nheartbeat_ms = 30000\n";
 
 // Fast, so that the suites do not take long.
 constexpr char kTurntable[] =
