@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_format.h"
 #include "drivers/v4l2/capabilities.h"
+#include "drivers/v4l2/jpeg.h"
 
 namespace lightstage {
 namespace {
@@ -62,9 +63,10 @@ absl::StatusOr<std::optional<Discovered>> Look(VideoSystem& system, const std::s
   const auto usable = UsableFormats(description.formats, V4l2Options());
   if (usable.empty()) {
     const auto& formats = description.formats;
-    const bool by_name = std::any_of(formats.begin(), formats.end(), [](const auto& format) {
-      return format.fourcc == V4L2_PIX_FMT_MJPEG;
-    });
+    const bool by_name =
+        CanDecodeJpeg() && std::any_of(formats.begin(), formats.end(), [](const auto& format) {
+          return format.fourcc == V4L2_PIX_FMT_MJPEG;
+        });
     absl::StrAppend(&found.what, " no format that this driver takes",
                     by_name ? " unless it is named" : "");
     found.toml = by_name ? "# lossy and not linear; used only if [camera.options] says so:\n"

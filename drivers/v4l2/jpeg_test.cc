@@ -132,6 +132,65 @@ TEST(Jpeg, WithoutHuffmanTablesAndWithBytesBehindIt) {
   EXPECT_EQ(*decoded, *whole);
 }
 
+// Cameras that send whole blocks of bytes fill the last one up before the end of the picture, not behind it.
+TEST(Jpeg, PaddedBeforeItsEnd) {
+  const std::vector<uint8_t> jpeg = Encode(32, 24, Smooth);
+  const auto whole = Decode(jpeg, 32, 24, PixelFormat::kRGB8);
+  ASSERT_TRUE(whole.ok());
+  for (const auto& [padding, behind] :
+       std::vector<std::pair<int, int>>{{1, 0}, {2, 0}, {3, 5}, {511, 0}, {700, 700}}) {
+    for (uint8_t with : {0x00, 0xff}) {
+      std::vector<uint8_t> padded = jpeg;
+      padded.insert(padded.end() - 2, static_cast<size_t>(padding), with);
+      padded.insert(padded.end(), static_cast<size_t>(behind), 0);
+      const auto decoded = Decode(padded, 32, 24, PixelFormat::kRGB8);
+      ASSERT_TRUE(decoded.ok()) << padding << " of " << int{with} << ": " << decoded.status();
+      EXPECT_EQ(*decoded, *whole);
+    }
+  }
+  // Anything else is what is left over from a picture that was damaged, or another's end.
+  std::vector<uint8_t> other = jpeg;
+  other.insert(other.end() - 2, {0, 0, 7, 0});
+  ExpectIncomplete(other, 32, 24, "extraneous");
+  other = jpeg;
+  other.insert(other.end() - 2, jpeg.end() - 40, jpeg.end() - 2);
+  ExpectIncomplete(other, 32, 24);
+}
+
+// Zeros are valid data: decoded they are grey blocks, and what is left over of them looks like padding.
+TEST(Jpeg, ZerosInPlaceOfItsTailAreNoPadding) {
+  for (TJSAMP subsampling : {TJSAMP_444, TJSAMP_422, TJSAMP_420}) {
+    const auto noisy = [](int x, int y, int c) {
+      return (Smooth(x, y, c) + static_cast<unsigned>(x * 2654435761u + y * 40503u) % 50) % 256;
+    };
+    const std::vector<uint8_t> jpeg = Encode(320, 240, noisy, subsampling);
+    ASSERT_TRUE(Decode(jpeg, 320, 240, PixelFormat::kRGB8).ok());
+    for (double lost : {0.5, 0.1, 0.01}) {
+      std::vector<uint8_t> zeros = jpeg;
+      const auto count = static_cast<ptrdiff_t>(lost * static_cast<double>(jpeg.size()));
+      std::fill(zeros.end() - count, zeros.end() - 2, 0);
+      for (size_t more : {0, 5000}) {
+        zeros.insert(zeros.end() - 2, more, 0);
+        ExpectIncomplete(zeros, 320, 240);
+      }
+    }
+  }
+}
+
+// Some of an earlier picture, or another's end, after the end of this one: the kernel's buffer may be longer than the picture.
+TEST(Jpeg, WhatIsBehindItsEndDoesNotCount) {
+  const std::vector<uint8_t> jpeg = Encode(32, 24, Smooth);
+  std::vector<uint8_t> behind = jpeg;
+  behind.insert(behind.end() - 2, 100, 0);
+  behind.insert(behind.end(), jpeg.end() - 60, jpeg.end());
+  EXPECT_TRUE(Decode(behind, 32, 24, PixelFormat::kRGB8).ok());
+  std::vector<uint8_t> damaged = jpeg;
+  damaged.insert(damaged.end() - 2, {0, 7, 0});
+  damaged.insert(damaged.end(), 1000, 0);
+  damaged.insert(damaged.end(), {0xff, 0xd9});
+  ExpectIncomplete(damaged, 32, 24);
+}
+
 // The library would fill in what is missing.
 TEST(Jpeg, CutOffAnywhereIsIncomplete) {
   const std::vector<uint8_t> jpeg = Encode(32, 24, Smooth);
@@ -180,8 +239,12 @@ TEST(Jpeg, AnotherSizeIsIncompleteBeforeThereIsMemoryForIt) {
 
 class MjpegTest : public testing::Test {
  protected:
-  MjpegTest() {
+  MjpegTest() { Plug(0, 0); }
+  void Plug(uint32_t ycbcr_enc, uint32_t quantization) {
     FakeSetup setup;
+    setup.colorspace = V4L2_COLORSPACE_REC709;  // only the primaries
+    setup.ycbcr_enc = ycbcr_enc;
+    setup.quantization = quantization;
     setup.formats = {{V4L2_PIX_FMT_MJPEG, {{64, 48}, {32, 24}}}};
     setup.controls = {{V4L2_CID_EXPOSURE_ABSOLUTE, "Exposure Time, Absolute", 1, 5000, 1, 100}};
     setup.compress = [this](int width, int height, const auto& sample) {
@@ -216,6 +279,19 @@ TEST_F(MjpegTest, IsTakenOnlyByName) {
   EXPECT_EQ(ErrorReason(refused), "DEVICE_UNSUITABLE") << refused;
   EXPECT_THAT(MessageOf(refused), HasSubstr("fourcc = \"MJPG\""));
   EXPECT_EQ(fake_->open_handles(), 0);
+}
+
+TEST_F(MjpegTest, ColoursThatAreSaidToBeOtherThanJfifsAreRefused) {
+  for (const auto& [ycbcr_enc, quantization] : std::vector<std::pair<uint32_t, uint32_t>>{
+           {V4L2_YCBCR_ENC_709, 0}, {V4L2_YCBCR_ENC_601, V4L2_QUANTIZATION_LIM_RANGE}}) {
+    Plug(ycbcr_enc, quantization);
+    const absl::Status refused = Open();
+    EXPECT_EQ(ErrorReason(refused), "CAMERA_FORMAT") << refused;
+    EXPECT_THAT(MessageOf(refused), HasSubstr("MJPG is "));
+  }
+  Plug(V4L2_YCBCR_ENC_601, V4L2_QUANTIZATION_FULL_RANGE);
+  const absl::Status opened = Open();
+  EXPECT_TRUE(opened.ok()) << opened;
 }
 
 TEST_F(MjpegTest, ItsFramesAreDecodedAndTheLogSaysOnceWhatTheyAreWorth) {

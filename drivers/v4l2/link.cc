@@ -286,14 +286,23 @@ absl::Status V4l2Link::SetFormat(const VideoFormat& video, int width, int height
                         absl::StrFormat("the picture is interlaced (field %d)", pix.field));
   }
   const bool yuv = video.packing == Packing::kYuyv || video.packing == Packing::kUyvy;
+  // Of which the colours are JFIF's unless it is said otherwise: BT.601, full range.
+  const bool jpeg = video.packing == Packing::kJpeg;
   uint32_t encoding = pix.ycbcr_enc;
-  if (encoding == V4L2_YCBCR_ENC_DEFAULT) encoding = V4L2_MAP_YCBCR_ENC_DEFAULT(pix.colorspace);
-  if (yuv && encoding != V4L2_YCBCR_ENC_601) {
+  if (encoding == V4L2_YCBCR_ENC_DEFAULT) {
+    encoding = jpeg ? V4L2_YCBCR_ENC_601 : V4L2_MAP_YCBCR_ENC_DEFAULT(pix.colorspace);
+  }
+  if ((yuv || jpeg) && encoding != V4L2_YCBCR_ENC_601) {
     return port_.Refuse("CAMERA_FORMAT",
                         absl::StrFormat("%s is encoded otherwise than by BT.601 (encoding %d)",
                                         FourCcName(video.fourcc), encoding));
   }
   uint32_t quantization = pix.quantization;
+  if (jpeg && quantization == V4L2_QUANTIZATION_LIM_RANGE) {
+    return port_.Refuse("CAMERA_FORMAT",
+                        absl::StrCat(FourCcName(video.fourcc),
+                                     " is of limited range, which is not known how to decode"));
+  }
   if (quantization == V4L2_QUANTIZATION_DEFAULT) {
     quantization = V4L2_MAP_QUANTIZATION_DEFAULT(false, pix.colorspace, encoding);
   }
