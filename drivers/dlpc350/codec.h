@@ -23,6 +23,7 @@ using Report = std::array<uint8_t, kReportSize>;
 struct Command {
   uint8_t cmd2, cmd3;
   std::string_view name;
+  bool slow = false;  // it is acknowledged at once, and comes into force later
 };
 
 inline constexpr Command kPower{0x02, 0x00, "power control"};  // 0 normal, 1 standby
@@ -34,13 +35,13 @@ inline constexpr Command kHardwareStatus{0x1A, 0x0A, "hardware status"};
 inline constexpr Command kSystemStatus{0x1A, 0x0B, "system status"};
 inline constexpr Command kMainStatus{0x1A, 0x0C, "main status"};
 inline constexpr Command kValidate{0x1A, 0x1A, "validation of the pattern sequence"};
-inline constexpr Command kMode{0x1A, 0x1B, "display mode"};  // 0 video, 1 patterns
+inline constexpr Command kMode{0x1A, 0x1B, "display mode", true};  // 0 video, 1 patterns
 inline constexpr Command kTriggerOut1{0x1A, 0x1D, "trigger out 1"};
 inline constexpr Command kTriggerOut2{0x1A, 0x1E, "trigger out 2"};
 inline constexpr Command kSource{0x1A, 0x22, "source of patterns"};  // 0 video port, 3 flash
 inline constexpr Command kTriggerMode{0x1A, 0x23,
                                       "pattern trigger mode"};  // 1: internal or external
-inline constexpr Command kStartStop{0x1A, 0x24, "start and stop of patterns"};
+inline constexpr Command kStartStop{0x1A, 0x24, "start and stop of patterns", true};
 inline constexpr Command kExposure{0x1A, 0x29, "exposure and period"};
 inline constexpr Command kLutConfig{0x1A, 0x31, "pattern LUT configuration"};
 inline constexpr Command kMailboxAddress{0x1A, 0x32, "mailbox address"};

@@ -87,10 +87,16 @@ absl::StatusOr<std::vector<uint8_t>> Controller::Read(const Command& command, si
 
 absl::Status Controller::Set(const Command& command, std::span<const uint8_t> data) {
   RETURN_IF_ERROR(Write(command, data));
-  ASSIGN_OR_RETURN(std::vector<uint8_t> is, Read(command, data.size()));
-  if (std::equal(data.begin(), data.end(), is.begin())) return absl::OkStatus();
-  return Fault(command, absl::StrCat("is ", Hex(std::span(is).first(data.size())),
-                                     " after it was set to ", Hex(data)));
+  const Steady::time_point give_up = Steady::now() + (command.slow ? kSlow : Duration::zero());
+  while (true) {
+    ASSIGN_OR_RETURN(std::vector<uint8_t> is, Read(command, data.size()));
+    if (std::equal(data.begin(), data.end(), is.begin())) return absl::OkStatus();
+    if (Steady::now() >= give_up) {
+      return Fault(command, absl::StrCat("is ", Hex(std::span(is).first(data.size())),
+                                         " after it was set to ", Hex(data)));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
 }
 
 absl::StatusOr<StatusBits> Controller::ReadStatus() {

@@ -17,6 +17,8 @@ namespace lightstage::dlpc350 {
 class Controller {
  public:
   static constexpr Duration kPatience = std::chrono::milliseconds(500);  // for a reply
+  // For a slow command to come into force: TI's own program looks for it every tenth of a second, a few times.
+  static constexpr Duration kSlow = std::chrono::seconds(1);
 
   explicit Controller(std::unique_ptr<HidPort> port) : port_(std::move(port)) {}
 
@@ -25,7 +27,7 @@ class Controller {
   absl::Status Write(const Command& command, std::span<const uint8_t> data);
   // At least `least` bytes.
   absl::StatusOr<std::vector<uint8_t>> Read(const Command& command, size_t least);
-  // Write, read back, compare.
+  // Write, read back, compare; a slow command is read back until it agrees or kSlow is over.
   absl::Status Set(const Command& command, std::span<const uint8_t> data);
   absl::Status Set(const Command& command, std::initializer_list<uint8_t> data) {
     return Set(command, std::span(data.begin(), data.size()));

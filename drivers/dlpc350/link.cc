@@ -93,12 +93,7 @@ absl::Status Link::Configure() {
   ASSIGN_OR_RETURN(version_, ParseVersion(version));
   serial_ = controller_->serial();
   ASSIGN_OR_RETURN(std::vector<uint8_t> power, controller_->Read(kPower, 1));
-  const bool asleep = power[0] & 1;
-  if (asleep) {
-    spdlog::info("{}: wakes from standby", name_);
-    RETURN_IF_ERROR(controller_->Write(kPower, std::array<uint8_t, 1>{0}));
-  }
-  RETURN_IF_ERROR(AwaitHealth(false, asleep ? kWakeUp : Duration::zero()));
+  RETURN_IF_ERROR((power[0] & 1) != 0 ? WakeUp() : CheckHealth(false));
   RETURN_IF_ERROR(controller_->Set(kLedEnable, {kLedsOff}));
   // The LightCrafter's drivers invert what the polarity says: 255 is dark (e2e.ti.com, thread 451589).
   RETURN_IF_ERROR(controller_->Set(kLedPolarity, {0}));
@@ -113,6 +108,20 @@ absl::Status Link::Configure() {
   RETURN_IF_ERROR(
       controller_->Set(kTriggerIn1Delay, EncodeTriggerInDelay(options_.trigger_in_delay_us)));
   return controller_->Set(kExposure, EncodeExposure(options_.exposure_us, options_.period_us));
+}
+
+absl::Status Link::WakeUp() {
+  spdlog::info("{}: wakes from standby", name_);
+  // Some firmware does not answer this, nor anything until it is awake: TI's own program takes no answer and looks later.
+  const TimePoint give_up = clock_.Now() + kWakeUp;
+  absl::Status awake = controller_->Write(kPower, std::array<uint8_t, 1>{0});
+  while (ErrorReason(awake) != "DEVICE_LOST" && clock_.Now() < give_up) {
+    const absl::StatusOr<std::vector<uint8_t>> power = controller_->Read(kPower, 1);
+    if (power.ok() && (*power)[0] == 0) return AwaitHealth(false, give_up - clock_.Now());
+    awake = power.ok() ? Fault("it stays in standby") : power.status();
+    std::this_thread::sleep_for(milliseconds(20));
+  }
+  return awake;
 }
 
 ProjectorInfo Link::info() const {

@@ -29,6 +29,7 @@ class Link final : public ProjectorLink {
  private:
   std::array<uint8_t, 3> LedCurrents() const;  // as they are told
   absl::Status Configure();
+  absl::Status WakeUp();
   // Whether it remembers what it was told on connecting: else it was switched off, or reset itself.
   absl::StatusOr<bool> IsConfigured();
   absl::Status Dark();

@@ -87,6 +87,7 @@ Dlpc350Device::~Dlpc350Device() {
 
 void Dlpc350Device::ResetLocked(bool standby) {
   settings_ = PowerOn();
+  to_come_.clear();
   images_ = {0};
   patterns_ = {0, 0x71, 0x04};
   standby_ = standby;
@@ -94,6 +95,24 @@ void Dlpc350Device::ResetLocked(bool standby) {
   message_.clear();
   replies_.clear();
   held_back_.clear();
+  LightLocked();
+}
+
+void Dlpc350Device::SetSlowness(Duration slow) {
+  MutexLock lock(&mutex_);
+  slow_ = slow;
+}
+
+void Dlpc350Device::ComeIntoForceLocked() {
+  for (const auto& [code, change] : to_come_) {
+    if (Steady::now() < change.first) continue;
+    if (code == kPower) {
+      standby_ = false;
+    } else {
+      settings_[code] = change.second;
+    }
+  }
+  std::erase_if(to_come_, [](const auto& change) { return Steady::now() >= change.second.first; });
   LightLocked();
 }
 
@@ -134,10 +153,12 @@ std::optional<std::vector<uint8_t>> Dlpc350Device::Send(Duration patience, bool*
 }
 
 void Dlpc350Device::ExecuteLocked() {
+  ComeIntoForceLocked();
   const uint8_t flags = message_[0], sequence = message_[1];
   if (message_.size() < 6) return ReplyLocked(flags | 0x20, sequence, {});
   const int code = message_[5] << 8 | message_[4];
   const Bytes data(message_.begin() + 6, message_.end());
+  if (to_come_.contains(kPower)) return;
   if (code == faults_.nack) return ReplyLocked(flags | 0x20, sequence, {});
   if (flags & 0x80) {
     std::optional<Bytes> answer = ReadLocked(code);
@@ -146,6 +167,7 @@ void Dlpc350Device::ExecuteLocked() {
   }
   const bool taken = code == faults_.ignored || WriteLocked(code, data);
   LightLocked();
+  if (to_come_.contains(kPower)) return;
   if (flags & 0x40) ReplyLocked(taken ? flags : flags | 0x20, sequence, {});
 }
 
@@ -165,8 +187,13 @@ void Dlpc350Device::ReplyLocked(uint8_t flags, uint8_t sequence, const Bytes& da
 bool Dlpc350Device::WriteLocked(int code, const Bytes& data) {
   if (code == kPower) {
     if (data.size() != 1 || data[0] > 1) return false;
-    if (standby_ && data[0] == 0) ++woken_;
-    standby_ = data[0] == 1;
+    if (standby_ && data[0] == 0) {
+      ++woken_;
+      to_come_[kPower] = {Steady::now() + slow_, {}};
+    } else {
+      standby_ = data[0] == 1;
+    }
+    ComeIntoForceLocked();
     return true;
   }
   if (IsOfSequence(code)) {
@@ -197,7 +224,9 @@ bool Dlpc350Device::WriteLocked(int code, const Bytes& data) {
     if (data[0] > 2 || settings_[kMode][0] != 1) return false;
     triggered_ = false;
   }
-  setting->second = data;
+  const bool slow = code == kMode || code == kStartStop;
+  to_come_[code] = {Steady::now() + (slow ? slow_ : Duration::zero()), data};
+  ComeIntoForceLocked();
   return true;
 }
 
@@ -325,8 +354,9 @@ void Dlpc350Device::TriggerIn() {
   LightLocked();
 }
 
-Pattern Dlpc350Device::OnWall() const {
+Pattern Dlpc350Device::OnWall() {
   MutexLock lock(&mutex_);
+  ComeIntoForceLocked();
   return on_wall_;
 }
 

@@ -40,6 +40,10 @@ class Dlpc350Device {
     uint8_t hardware_errors = 0;     // bits of the hardware status
   };
 
+  // What takes its time in a real one: so long after a new display mode, start or stop was acknowledged it comes into force, and until it is
+  // awake from standby it answers nothing.
+  void SetSlowness(Duration slow);
+
   // `world` is what it lights; may be null. `flash` is what its images show, by place.
   Dlpc350Device(std::shared_ptr<World> world, std::map<FlashPlace, Pattern> flash);
   ~Dlpc350Device();
@@ -59,7 +63,7 @@ class Dlpc350Device {
   void TriggerIn();
 
   // What is on the wall now.
-  Pattern OnWall() const;
+  Pattern OnWall();
   // The LEDs' currents, 0 none to 255; none while they are off.
   std::array<int, 3> LedCurrents() const;
   // The value of a setting as it was last taken, for tests; empty if it never was.
@@ -69,6 +73,7 @@ class Dlpc350Device {
  private:
   using Bytes = std::vector<uint8_t>;
 
+  void ComeIntoForceLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ResetLocked(bool standby) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ExecuteLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool WriteLocked(int command, const Bytes& data) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -94,6 +99,10 @@ class Dlpc350Device {
   std::map<int, Bytes> settings_ ABSL_GUARDED_BY(mutex_);                    // by command
   Bytes images_ ABSL_GUARDED_BY(mutex_), patterns_ ABSL_GUARDED_BY(mutex_);  // the mailboxes
   bool standby_ ABSL_GUARDED_BY(mutex_) = false;
+  using Steady = std::chrono::steady_clock;
+  Duration slow_ ABSL_GUARDED_BY(mutex_){};
+  std::map<int, std::pair<Steady::time_point, Bytes>> to_come_
+      ABSL_GUARDED_BY(mutex_);  // by command
   bool validated_ ABSL_GUARDED_BY(mutex_) = false;
   int validation_reads_ ABSL_GUARDED_BY(mutex_) = 0;  // still busy for so many
   bool triggered_ ABSL_GUARDED_BY(mutex_) = false;

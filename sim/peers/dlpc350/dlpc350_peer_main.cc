@@ -3,12 +3,13 @@
 //   dlpc350-peer SERIAL
 //
 // Needs /dev/uhid. Says "ready" when its hidraw node is there. Lines on its input: "nack 1A24", "ignore 1A07", "short", "park", "stop", "silent",
-// "errors C0", "well" (no fault), "standby", "light" (prints the pattern on the wall). Ends, unplugged, at the input's end. Images 0 to 3 hold,
+// "errors C0", "well" (no fault), "standby", "unplug", "plug" (which says "ready" again), "light" (prints the pattern on the wall). Ends, unplugged, at the input's end. Images 0 to 3 hold,
 // at depth 1, the squares of an 8 x 8 grid by row, then column.
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
 #include <map>
+#include <memory>
 #include <string>
 
 #include "base/status.h"
@@ -31,7 +32,21 @@ std::map<FlashPlace, Pattern> Flash() {
   return flash;
 }
 
-void Obey(const std::string& line, Dlpc350Device& device) {
+using Plugged = std::unique_ptr<UhidDevice>;
+
+void Plug(Dlpc350Device& device, const std::string& serial, Plugged& plugged) {
+  auto now = UhidDevice::Plug(device, serial);
+  if (!now.ok()) {
+    std::fprintf(stderr, "dlpc350-peer: %s\n", MessageOf(now.status()).c_str());
+    return;
+  }
+  plugged = *std::move(now);
+  std::printf("ready\n");
+  std::fflush(stdout);
+}
+
+void Obey(const std::string& line, Dlpc350Device& device, const std::string& serial,
+          Plugged& plugged) {
   Dlpc350Device::Faults faults;
   const size_t space = line.find(' ');
   const std::string word = line.substr(0, space);
@@ -45,6 +60,8 @@ void Obey(const std::string& line, Dlpc350Device& device) {
     return;
   }
   if (word == "standby") return device.PowerCycle(true);
+  if (word == "unplug") return plugged.reset();
+  if (word == "plug") return Plug(device, serial, plugged);
   if (word == "nack") faults.nack = code;
   if (word == "ignore") faults.ignored = code;
   if (word == "short") faults.short_reports = true;
@@ -57,14 +74,10 @@ void Obey(const std::string& line, Dlpc350Device& device) {
 
 int Main(const char* serial) {
   Dlpc350Device device(nullptr, Flash());
-  const auto plugged = UhidDevice::Plug(device, serial);
-  if (!plugged.ok()) {
-    std::fprintf(stderr, "dlpc350-peer: %s\n", MessageOf(plugged.status()).c_str());
-    return 1;
-  }
-  std::printf("ready\n");
-  std::fflush(stdout);
-  for (std::string line; std::getline(std::cin, line);) Obey(line, device);
+  Plugged plugged;
+  Plug(device, serial, plugged);
+  if (plugged == nullptr) return 1;
+  for (std::string line; std::getline(std::cin, line);) Obey(line, device, serial, plugged);
   return 0;
 }
 

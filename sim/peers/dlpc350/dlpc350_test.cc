@@ -127,7 +127,9 @@ struct Bench {
 
 class Fixture : public ProjectorFixture {
  public:
-  explicit Fixture(bool flash) : bench_(flash) {}
+  explicit Fixture(bool flash, Duration slow = {}) : bench_(flash) {
+    bench_.device->SetSlowness(slow);
+  }
   Clock& clock() override { return bench_.clock; }
   absl::StatusOr<std::unique_ptr<Projector>> Open() override { return bench_.Open(); }
   std::optional<Pattern> OnWall() override {
@@ -140,6 +142,8 @@ class Fixture : public ProjectorFixture {
 
 const bool kFlash =
     RegisterProjectorConformance("Dlpc350Flash", [] { return std::make_unique<Fixture>(true); });
+const bool kSlow = RegisterProjectorConformance(
+    "Dlpc350FlashSlow", [] { return std::make_unique<Fixture>(true, milliseconds(120)); });
 const bool kVideo =
     RegisterProjectorConformance("Dlpc350Video", [] { return std::make_unique<Fixture>(false); });
 
@@ -174,11 +178,31 @@ TEST(Dlpc350, IsConfiguredAsTheOptionsSay) {
 
 TEST(Dlpc350, WakesFromStandby) {
   Bench bench;
+  // Longer than the wait for one answer.
+  bench.device->SetSlowness(dlpc350::Controller::kPatience + milliseconds(300));
   bench.device->PowerCycle(true);
   auto projector = bench.Open();
   ASSERT_TRUE(projector.ok()) << projector.status();
   EXPECT_EQ(bench.device->woken(), 1);
   EXPECT_TRUE(bench.Show(**projector, Full()).ok());
+}
+
+TEST(Dlpc350, ModeStartAndStopMayComeIntoForceLate) {
+  Bench bench;
+  bench.device->SetSlowness(milliseconds(150));
+  auto projector = bench.Open();
+  ASSERT_TRUE(projector.ok()) << projector.status();
+  for (const Pattern& pattern : {Full(), Row(), Pattern{}, Full()}) {
+    const absl::Status shown = bench.Show(**projector, pattern);
+    ASSERT_TRUE(shown.ok()) << shown;
+    EXPECT_EQ(bench.device->OnWall(), pattern);
+  }
+  bench.device->SetSlowness(seconds(20));
+  const absl::Status late = bench.Show(**projector, Row());
+  EXPECT_EQ(ErrorReason(late), "DEVICE_FAULT") << late;
+  EXPECT_NE(late.message().find("1A 24 (start and stop of patterns): is 02 after"),
+            std::string_view::npos)
+      << late;
 }
 
 TEST(Dlpc350, APatternThatIsNotStoredIsNamed) {
