@@ -19,15 +19,24 @@ Driver<Projector> DisplayDriver() {
 
 Discovery DisplayDiscovery() {
   return []() -> absl::StatusOr<std::vector<Discovered>> {
-    ASSIGN_OR_RETURN(std::vector<ScreenInfo> outputs, Screen::ListOutputs(ScreenOptions{}));
     std::vector<Discovered> found;
-    for (const ScreenInfo& output : outputs) {
-      found.push_back({absl::StrFormat("output %s, %dx%d at %.4g Hz", output.output, output.width,
-                                       output.height, output.refresh_hz),
-                       absl::StrCat("[projector]\ndriver = \"display\"\noutput = \"", output.output,
-                                    "\"\n# [geometry.projector] must say width = ", output.width,
-                                    ", height = ", output.height, "\n")});
+    absl::Status none;
+    for (const std::string backend : {"x11", "kmsdrm"}) {
+      const absl::StatusOr<std::vector<ScreenInfo>> outputs =
+          Screen::ListOutputs({.backend = backend});
+      none = none.ok() ? outputs.status() : Annotate(outputs.status(), MessageOf(none));
+      if (!outputs.ok()) continue;
+      for (const ScreenInfo& output : *outputs) {
+        found.push_back({absl::StrFormat("output %s, %dx%d at %.4g Hz (%s)", output.output,
+                                         output.width, output.height, output.refresh_hz,
+                                         backend == "x11" ? "X server" : "without an X server"),
+                         absl::StrCat("[projector]\ndriver = \"display\"\nbackend = \"", backend,
+                                      "\"\noutput = \"", output.output,
+                                      "\"\n# [geometry.projector] must say width = ", output.width,
+                                      ", height = ", output.height, "\n")});
+      }
     }
+    if (found.empty()) return none;
     return found;
   };
 }

@@ -5,14 +5,17 @@
 #include <xf86drm.h>
 #include <xf86drmMode.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <optional>
+#include <span>
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "base/status.h"
+#include "drivers/display/colour_blobs.h"
 
 namespace lightstage {
 namespace {
@@ -37,6 +40,54 @@ Owned<drmModeCrtc> CrtcOf(int file, const drmModeConnector& connector) {
                                       drmModeFreeEncoder);
   if (encoder == nullptr) return {nullptr, drmModeFreeCrtc};
   return {drmModeGetCrtc(file, encoder->crtc_id), drmModeFreeCrtc};
+}
+
+// An object's property; nothing if it has none of that name.
+std::optional<uint64_t> Property(int file, uint32_t object, uint32_t type, std::string_view name) {
+  const Owned<drmModeObjectProperties> all(drmModeObjectGetProperties(file, object, type),
+                                           drmModeFreeObjectProperties);
+  for (uint32_t i = 0; all != nullptr && i < all->count_props; ++i) {
+    const Owned<drmModePropertyRes> property(drmModeGetProperty(file, all->props[i]),
+                                             drmModeFreeProperty);
+    if (property != nullptr && name == property->name) return all->prop_values[i];
+  }
+  return std::nullopt;
+}
+
+bool Asleep(int file, uint32_t connector) {
+  return Property(file, connector, DRM_MODE_OBJECT_CONNECTOR, "DPMS").value_or(DRM_MODE_DPMS_ON) !=
+         DRM_MODE_DPMS_ON;
+}
+
+// The table of drivers that have no properties for it.
+std::vector<ColourEntry> LegacyGamma(int file, const drmModeCrtc& crtc) {
+  const auto size = static_cast<size_t>(std::max(crtc.gamma_size, 0));
+  std::vector<uint16_t> red(size), green(size), blue(size);
+  std::vector<ColourEntry> table;
+  if (size < 2 || drmModeCrtcGetGamma(file, crtc.crtc_id, static_cast<uint32_t>(size), red.data(),
+                                      green.data(), blue.data()) != 0) {
+    return table;
+  }
+  for (size_t i = 0; i < size; ++i) table.push_back({red[i], green[i], blue[i]});
+  return table;
+}
+
+// The first of what changes codes on their way to the output; nothing if none does.
+std::optional<std::string> ChangesCodes(int file, const drmModeCrtc& crtc) {
+  bool has_table = false;
+  for (const std::string name : {"DEGAMMA_LUT", "CTM", "GAMMA_LUT"}) {
+    const std::optional<uint64_t> id = Property(file, crtc.crtc_id, DRM_MODE_OBJECT_CRTC, name);
+    has_table |= id.has_value() && name == "GAMMA_LUT";
+    if (id.value_or(0) == 0) continue;
+    const Owned<drmModePropertyBlobRes> blob(
+        drmModeGetPropertyBlob(file, static_cast<uint32_t>(*id)), drmModeFreePropertyBlob);
+    if (blob == nullptr) return name;  // is being changed
+    const std::span data(static_cast<const std::byte*>(blob->data), blob->length);
+    if (!(name == "CTM" ? IsIdentityBlob(data) : IsStraightBlob(data))) return name;
+  }
+  if (has_table) return std::nullopt;
+  const std::vector<ColourEntry> table = LegacyGamma(file, crtc);
+  return table.empty() || IsStraight(table) ? std::nullopt : std::optional<std::string>("gamma");
 }
 
 double RefreshOf(const drmModeModeInfo& mode) {
@@ -115,22 +166,41 @@ absl::StatusOr<std::vector<Head>> KmsCard::Heads() {
 absl::StatusOr<std::unique_ptr<KmsCard>> KmsCard::Open(const Head& head) {
   const int file = OpenCard(head.card);
   if (file < 0) return ErrnoError(errno, "opening", Path(head.card));
+  drmDropMaster(file);  // refused if it is none, as it should be
   return std::unique_ptr<KmsCard>(new KmsCard(file, head));
 }
+
+KmsCard::KmsCard(int file, const Head& head)
+    : file_(file), head_(head), tells_sleep_(!Asleep(file, static_cast<uint32_t>(head.output))) {}
 
 KmsCard::~KmsCard() { close(file_); }
 
 absl::Status KmsCard::Check() const {
   const Owned<drmModeConnector> connector =
       Connector(file_, static_cast<uint32_t>(head_.output), false);
+  const auto lost = [&](std::string_view why) {
+    return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
+                 absl::StrCat("output ", head_.name, " ", why), {{"output", head_.name}});
+  };
   const Owned<drmModeCrtc> crtc =
       connector != nullptr && connector->connection == DRM_MODE_CONNECTED
           ? CrtcOf(file_, *connector)
           : Owned<drmModeCrtc>(nullptr, drmModeFreeCrtc);
-  if (crtc == nullptr || crtc->mode_valid == 0) {
-    return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
-                 absl::StrCat("output ", head_.name, " was unplugged or switched off"),
-                 {{"output", head_.name}});
+  if (crtc == nullptr || crtc->mode_valid == 0) return lost("was unplugged or switched off");
+  // A cable that was out and is back, or one too bad for the mode: the kernel waits for the mode to be set again.
+  if (Property(file_, connector->connector_id, DRM_MODE_OBJECT_CONNECTOR, "link-status")
+          .value_or(DRM_MODE_LINK_STATUS_GOOD) != DRM_MODE_LINK_STATUS_GOOD) {
+    return lost("has lost its link");
+  }
+  if (tells_sleep_ && Asleep(file_, connector->connector_id)) {
+    return lost("was put to sleep (DPMS)");
+  }
+  if (const auto changes = ChangesCodes(file_, *crtc)) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DISPLAY_GAMMA",
+                 absl::StrCat("output ", head_.name, ": its ", *changes,
+                              " changes the codes of patterns; another program left it set: let "
+                              "that take it back, or restart the machine"),
+                 {{"output", head_.name}, {"property", *changes}});
   }
   const double refresh_hz = RefreshOf(crtc->mode);
   if (crtc->mode.hdisplay == head_.width && crtc->mode.vdisplay == head_.height &&

@@ -22,16 +22,19 @@ class KmsCard {
   KmsCard(const KmsCard&) = delete;
   KmsCard& operator=(const KmsCard&) = delete;
 
-  // That the output is as it was: UNAVAILABLE / DEVICE_LOST, FAILED_PRECONDITION / DISPLAY_CHANGED naming both modes.
+  // That the output is as it was and takes codes as they are. UNAVAILABLE / DEVICE_LOST: unplugged, without link or off. FAILED_PRECONDITION:
+  // DISPLAY_CHANGED naming both modes, DISPLAY_GAMMA if a table or matrix that another program left changes the codes.
   absl::Status Check() const;
 
   // The kernel's number for the picture that the output has been given last; 0: none.
   uint32_t Picture() const;
 
  private:
-  KmsCard(int file, const Head& head) : file_(file), head_(head) {}
+  KmsCard(int file, const Head& head);
   const int file_;
   const Head head_;
+  // Some drivers have an output that SDL has lit still sleep.
+  const bool tells_sleep_;
 };
 
 }  // namespace lightstage

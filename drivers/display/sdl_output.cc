@@ -27,21 +27,26 @@ absl::Status SdlError(std::string_view what) {
                absl::StrCat(what, ": ", static_cast<const char*>(SDL_GetError())));
 }
 
+// Whatever the environment says.
+void Hint(const char* name, const std::string& value) {
+  SDL_SetHintWithPriority(name, value.c_str(), SDL_HINT_OVERRIDE);
+}
+
 // Hints for exact pixels and nothing else on the screen. SDL's environment is this process' own.
 absl::Status StartSdl(const std::string& backend, const std::string& x_display, int card) {
   if (backend == "x11" && !x_display.empty()) setenv("DISPLAY", x_display.c_str(), 1);
-  SDL_SetHint(SDL_HINT_KMSDRM_DEVICE_INDEX, absl::StrCat(card).c_str());
+  Hint(SDL_HINT_KMSDRM_DEVICE_INDEX, absl::StrCat(card));
   SDL_SetMainReady();
-  SDL_SetHintWithPriority(SDL_HINT_VIDEODRIVER, backend.c_str(), SDL_HINT_OVERRIDE);
-  SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
+  Hint(SDL_HINT_VIDEODRIVER, backend);
+  Hint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
   // No window manager moves, resizes or decorates it.
-  SDL_SetHint("SDL_X11_FORCE_OVERRIDE_REDIRECT", "1");
-  SDL_SetHint(SDL_HINT_VIDEO_X11_NET_WM_BYPASS_COMPOSITOR, "1");
-  SDL_SetHint(SDL_HINT_VIDEO_MINIMIZE_ON_FOCUS_LOSS, "0");
-  SDL_SetHint(SDL_HINT_RENDER_SCALE_QUALITY, "nearest");
+  Hint("SDL_X11_FORCE_OVERRIDE_REDIRECT", "1");
+  Hint(SDL_HINT_VIDEO_X11_NET_WM_BYPASS_COMPOSITOR, "1");
+  Hint(SDL_HINT_VIDEO_MINIMIZE_ON_FOCUS_LOSS, "0");
+  Hint(SDL_HINT_RENDER_SCALE_QUALITY, "nearest");
   // What the software renderer drew goes to the screen as it is, not through a GL, which may be done in software too.
-  SDL_SetHint(SDL_HINT_FRAMEBUFFER_ACCELERATION, "0");
-  SDL_SetHint(SDL_HINT_VIDEO_ALLOW_SCREENSAVER, "0");
+  Hint(SDL_HINT_FRAMEBUFFER_ACCELERATION, "0");
+  Hint(SDL_HINT_VIDEO_ALLOW_SCREENSAVER, "0");
   if (SDL_Init(SDL_INIT_VIDEO) != 0) {
     return Error(absl::StatusCode::kNotFound, "DEVICE_NOT_FOUND",
                  absl::StrCat("no display by backend ", backend, ": ",
@@ -135,9 +140,19 @@ absl::Status SdlOutput::Start() {
                         head_.name, head_.width, head_.height, options_.width, options_.height),
         {{"output", head_.name}});
   }
+  if (!head_.altered.empty()) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+                 absl::StrCat("output ", head_.name, " is ", head_.altered,
+                              " by the X server: pixels must come out as they are (xrandr --scale "
+                              "1x1 --rotate normal --reflect normal)"),
+                 {{"output", head_.name}});
+  }
+  RETURN_IF_ERROR(CheckMode());
   RETURN_IF_ERROR(StartSdl(options_.backend, options_.x_display, head_.card));
   RETURN_IF_ERROR(OpenWindow());
-  if (server_ == nullptr) {
+  if (server_ != nullptr) {
+    server_->Straighten(head_);
+  } else {
     ASSIGN_OR_RETURN(card_, KmsCard::Open(head_));
   }
   pixels_.assign(static_cast<size_t>(head_.width) * head_.height, 0);
@@ -159,13 +174,15 @@ absl::Status SdlOutput::OpenWindow() {
   renderer_ = SDL_CreateRenderer(
       window_, -1,
       software ? SDL_RENDERER_SOFTWARE : SDL_RENDERER_ACCELERATED | SDL_RENDERER_PRESENTVSYNC);
-  if (renderer_ == nullptr) {
+  SDL_RendererInfo renderer{};
+  // SDL may give another kind than was asked for (SDL_RENDER_DRIVER).
+  if (renderer_ == nullptr || SDL_GetRendererInfo(renderer_, &renderer) != 0 ||
+      ((renderer.flags & SDL_RENDERER_SOFTWARE) != 0) != software) {
     return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
                  absl::StrCat("output ", head_.name, " has no renderer of the kind \"",
                               options_.renderer, "\": ", static_cast<const char*>(SDL_GetError())));
   }
-  SDL_RendererInfo renderer;
-  if (SDL_GetRendererInfo(renderer_, &renderer) == 0) info_.renderer = renderer.name;
+  info_.renderer = renderer.name;
   int width = 0, height = 0;
   if (SDL_GetRendererOutputSize(renderer_, &width, &height) != 0 || width != head_.width ||
       height != head_.height) {
@@ -229,7 +246,9 @@ absl::Status SdlOutput::Present(bool read_back) {
   SDL_RenderPresent(renderer_);
   presented_ = Steady::now();
   // SDL does not tell that the kernel refused it.
-  if (card_ == nullptr || card_->Picture() != before) return absl::OkStatus();
+  if (card_ == nullptr) return absl::OkStatus();
+  picture_ = card_->Picture();
+  if (picture_ != 0 && picture_ != before) return absl::OkStatus();
   RETURN_IF_ERROR(card_->Check());
   return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_BUSY",
                absl::StrFormat("output %s was not given the picture by the kernel: does another "
@@ -283,7 +302,15 @@ absl::Status SdlOutput::Pump() {
 }
 
 absl::Status SdlOutput::Show(std::span<const uint32_t> pixels) {
-  RETURN_IF_ERROR(Pump());
+  const absl::Status ready = Pump();
+  // Whatever is wrong: what is to be black is drawn.
+  const bool black = std::all_of(pixels.begin(), pixels.end(), [](uint32_t p) { return p == 0; });
+  if (!ready.ok() && !black) return ready;
+  const absl::Status drawn = Draw(pixels);
+  return ready.ok() ? drawn : ready;
+}
+
+absl::Status SdlOutput::Draw(std::span<const uint32_t> pixels) {
   pixels_.assign(pixels.begin(), pixels.end());
   if (SDL_UpdateTexture(texture_, nullptr, pixels_.data(), head_.width * 4) != 0) {
     return SdlError("giving the picture to the renderer");
@@ -314,7 +341,7 @@ absl::Status SdlOutput::Show(std::span<const uint32_t> pixels) {
 
 absl::Status SdlOutput::Check() {
   RETURN_IF_ERROR(Pump());
-  if (covered_) {
+  if (covered_ || (card_ != nullptr && card_->Picture() != picture_)) {
     return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT",
                  absl::StrCat("output ", head_.name,
                               ": something else was on the screen since the picture was shown"),

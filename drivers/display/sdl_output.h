@@ -50,6 +50,7 @@ class SdlOutput {
   explicit SdlOutput(const OutputOptions& options) : options_(options) {}
   absl::Status Start();
   absl::Status OpenWindow();
+  absl::Status Draw(std::span<const uint32_t> pixels);
   absl::Status CheckMode();
   absl::Status Pump();
   absl::Status Present(bool read_back);
@@ -69,6 +70,7 @@ class SdlOutput {
   SDL_Texture* texture_ = nullptr;
   std::vector<uint32_t> pixels_;     // shown last
   std::vector<uint32_t> read_back_;  // scratch
+  uint32_t picture_ = 0;             // as the kernel numbers it: the one that was presented last
   bool stale_ = false;               // what was shown last may be gone from the screen
   bool covered_ = false;             // and was, since it was shown
 };

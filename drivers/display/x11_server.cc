@@ -2,6 +2,8 @@
 
 #include <unistd.h>
 
+#include <algorithm>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "base/status.h"
@@ -11,6 +13,7 @@
 #include <X11/Xlib.h>
 #include <X11/Xutil.h>
 #include <X11/extensions/Xrandr.h>
+#include <X11/extensions/dpms.h>
 #undef None
 #undef Status
 // clang-format on
@@ -24,16 +27,53 @@ int DisplayGone(Display*) { _exit(kDisplayGoneExit); }
 // Requests that came too late for an output or window are answered by what is then read; nothing to end the process for.
 int Ignore(Display*, XErrorEvent*) { return 0; }
 
-double RefreshOf(const XRRScreenResources& resources, RRMode mode) {
+// Nothing of a mode that the server does not know.
+XRRModeInfo ModeInfo(const XRRScreenResources& resources, RRMode mode) {
   for (int i = 0; i < resources.nmode; ++i) {
-    const XRRModeInfo& info = resources.modes[i];
-    if (info.id != mode || info.hTotal == 0 || info.vTotal == 0) continue;
-    double lines = info.vTotal;
-    if (info.modeFlags & RR_DoubleScan) lines *= 2;
-    if (info.modeFlags & RR_Interlace) lines /= 2;
-    return static_cast<double>(info.dotClock) / (info.hTotal * lines);
+    if (resources.modes[i].id == mode) return resources.modes[i];
   }
-  return 0;
+  return {};
+}
+
+double RefreshOf(const XRRModeInfo& info) {
+  if (info.hTotal == 0 || info.vTotal == 0) return 0;
+  double lines = info.vTotal;
+  if (info.modeFlags & RR_DoubleScan) lines *= 2;
+  if (info.modeFlags & RR_Interlace) lines /= 2;
+  return static_cast<double>(info.dotClock) / (info.hTotal * lines);
+}
+
+bool HasProperty(Display* display, RROutput output, const char* name) {
+  const Atom atom = XInternAtom(display, name, True);
+  int count = 0;
+  Atom* all = XRRListOutputProperties(display, output, &count);
+  const bool has = atom != 0 && std::find(all, all + count, atom) != all + count;
+  if (all != nullptr) XFree(all);
+  return has;
+}
+
+Scanout ScanoutOf(Display* display, RRCrtc id, const XRRCrtcInfo& crtc, const XRRModeInfo& mode) {
+  Scanout scanout;
+  scanout.width = static_cast<int>(crtc.width);
+  scanout.height = static_cast<int>(crtc.height);
+  scanout.mode_width = static_cast<int>(mode.width);
+  scanout.mode_height = static_cast<int>(mode.height);
+  scanout.rotation = crtc.rotation;
+  scanout.transform[0] = scanout.transform[4] = scanout.transform[8] = 1 << 16;
+  XRRCrtcTransformAttributes* transform = nullptr;
+  if (XRRGetCrtcTransform(display, id, &transform) && transform != nullptr) {
+    for (size_t i = 0; i < 9; ++i) {
+      scanout.transform[i] = transform->currentTransform.matrix[i / 3][i % 3];
+    }
+    XFree(transform);
+  }
+  return scanout;
+}
+
+std::string Text(const Head& head) {
+  return absl::StrFormat("%dx%d+%d+%d at %.3g Hz by CRTC %d%s%s", head.width, head.height, head.x,
+                         head.y, head.refresh_hz, head.crtc, head.altered.empty() ? "" : ", ",
+                         head.altered);
 }
 
 }  // namespace
@@ -61,6 +101,40 @@ absl::StatusOr<std::unique_ptr<X11Server>> X11Server::Connect(const std::string&
 
 X11Server::~X11Server() { XCloseDisplay(static_cast<Display*>(display_)); }
 
+std::vector<ColourEntry> X11Server::Gamma(uint64_t crtc) const {
+  std::vector<ColourEntry> table;
+  XRRCrtcGamma* gamma = XRRGetCrtcGamma(static_cast<Display*>(display_), crtc);
+  if (gamma == nullptr) return table;
+  for (int i = 0; i < gamma->size; ++i) {
+    table.push_back({gamma->red[i], gamma->green[i], gamma->blue[i]});
+  }
+  XRRFreeGamma(gamma);
+  return table;
+}
+
+void X11Server::SetGamma(uint64_t crtc, const std::vector<ColourEntry>& table) {
+  XRRCrtcGamma* gamma = XRRAllocGamma(static_cast<int>(table.size()));
+  if (gamma == nullptr) return;
+  for (size_t i = 0; i < table.size(); ++i) {
+    gamma->red[i] = table[i][0];
+    gamma->green[i] = table[i][1];
+    gamma->blue[i] = table[i][2];
+  }
+  XRRSetCrtcGamma(static_cast<Display*>(display_), crtc, gamma);
+  XRRFreeGamma(gamma);
+}
+
+void X11Server::Straighten(const Head& head) {
+  std::vector<ColourEntry> table = Gamma(head.crtc);
+  if (table.size() < 2) return;
+  for (size_t i = 0; i < table.size(); ++i) {
+    const uint16_t entry = StraightEntry(i, table.size());
+    table[i] = {entry, entry, entry};
+  }
+  SetGamma(head.crtc, table);
+  straightened_ = true;
+}
+
 std::vector<Head> X11Server::Heads() {
   auto* display = static_cast<Display*>(display_);
   std::vector<Head> heads;
@@ -79,7 +153,9 @@ std::vector<Head> X11Server::Heads() {
       head.y = crtc->y;
       head.width = static_cast<int>(crtc->width);
       head.height = static_cast<int>(crtc->height);
-      head.refresh_hz = RefreshOf(*resources, crtc->mode);
+      const XRRModeInfo mode = ModeInfo(*resources, crtc->mode);
+      head.refresh_hz = RefreshOf(mode);
+      head.altered = AlterationOf(ScanoutOf(display, output->crtc, *crtc, mode));
       if (output->npreferred > 0) {
         head.preferred = false;
         for (int k = 0; k < output->npreferred && k < output->nmode; ++k) {
@@ -102,19 +178,54 @@ absl::Status X11Server::Check(const Head& head) {
   for (const Head& now : Heads()) {
     if (now.output != head.output) continue;
     if (now.width == head.width && now.height == head.height && now.x == head.x &&
-        now.y == head.y && now.mode == head.mode) {
-      return absl::OkStatus();
+        now.y == head.y && now.mode == head.mode && now.crtc == head.crtc && now.altered.empty()) {
+      RETURN_IF_ERROR(CheckNoCompositor(head));
+      RETURN_IF_ERROR(CheckAwake(head));
+      if (!straightened_ || IsStraight(Gamma(head.crtc))) return absl::OkStatus();
+      return Error(absl::StatusCode::kFailedPrecondition, "DISPLAY_GAMMA",
+                   absl::StrCat("output ", head.name,
+                                ": another program has given it a gamma table that changes the "
+                                "codes of patterns (night light, colour management, xgamma)"),
+                   {{"output", head.name}});
     }
-    const std::string was = absl::StrFormat("%dx%d+%d+%d at %.3g Hz", head.width, head.height,
-                                            head.x, head.y, head.refresh_hz),
-                      is = absl::StrFormat("%dx%d+%d+%d at %.3g Hz", now.width, now.height, now.x,
-                                           now.y, now.refresh_hz);
+    const std::string was = Text(head), is = Text(now);
     return Error(absl::StatusCode::kFailedPrecondition, "DISPLAY_CHANGED",
                  absl::StrCat("output ", head.name, " was changed from ", was, " to ", is),
                  {{"output", head.name}, {"was", was}, {"is", is}});
   }
   return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
                absl::StrCat("output ", head.name, " was unplugged or switched off"),
+               {{"output", head.name}});
+}
+
+absl::Status X11Server::CheckNoCompositor(const Head& head) {
+  auto* display = static_cast<Display*>(display_);
+  // By whom it is owned who redraws all windows (freedesktop.org, Extended Window Manager Hints, _NET_WM_CM_Sn).
+  const std::string name = absl::StrCat("_NET_WM_CM_S", DefaultScreen(display));
+  if (XGetSelectionOwner(display, XInternAtom(display, name.c_str(), False)) == 0 &&
+      !HasProperty(display, head.output,
+                   "RANDR Emulation")) {  // Xwayland's, below which there is one
+    return absl::OkStatus();
+  }
+  return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
+               absl::StrCat("on the X server ", XDisplayString(display),
+                            " runs a compositor, which draws windows when and as it likes: end it, "
+                            "give the projector an X server of its own, or use backend = "
+                            "\"kmsdrm\""));
+}
+
+absl::Status X11Server::CheckAwake(const Head& head) {
+  auto* display = static_cast<Display*>(display_);
+  int event = 0, error = 0;
+  CARD16 level = DPMSModeOn;
+  BOOL enabled = False;
+  if (!DPMSQueryExtension(display, &event, &error) || !DPMSInfo(display, &level, &enabled) ||
+      !enabled || level == DPMSModeOn) {
+    return absl::OkStatus();
+  }
+  return Error(absl::StatusCode::kUnavailable, "DEVICE_LOST",
+               absl::StrCat("output ", head.name,
+                            " was put to sleep (DPMS; xset dpms force on, xset -dpms)"),
                {{"output", head.name}});
 }
 

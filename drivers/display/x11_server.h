@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "drivers/display/colour_blobs.h"
 #include "drivers/display/head.h"
 
 namespace lightstage {
@@ -23,7 +24,11 @@ class X11Server {
 
   std::vector<Head> Heads();
 
-  // That `head` is as it was: UNAVAILABLE / DEVICE_LOST, FAILED_PRECONDITION / DISPLAY_CHANGED naming both modes.
+  // Gives `head` a gamma table that leaves codes as they are. It keeps it: giving back what it had before would take it from who opens next.
+  void Straighten(const Head& head);
+
+  // That `head` is as it was and lit: UNAVAILABLE / DEVICE_LOST, FAILED_PRECONDITION / DISPLAY_CHANGED naming both modes, or DISPLAY_GAMMA if another
+  // program has changed its table since Straighten(); DEVICE_UNSUITABLE if a compositor has come.
   absl::Status Check(const Head& head);
 
   // That the X screen shows `pixels` (0x00RRGGBB) where `head` looks: FAILED_PRECONDITION / DEVICE_FAULT naming the first pixel that differs.
@@ -31,7 +36,13 @@ class X11Server {
 
  private:
   explicit X11Server(void* display) : display_(display) {}
+  absl::Status CheckNoCompositor(const Head& head);
+  absl::Status CheckAwake(const Head& head);
+  std::vector<ColourEntry> Gamma(uint64_t crtc) const;  // empty if it has none
+  void SetGamma(uint64_t crtc, const std::vector<ColourEntry>& table);
+
   void* const display_;  // Xlib's Display, whose header is full of macros
+  bool straightened_ = false;
 };
 
 }  // namespace lightstage

@@ -397,6 +397,67 @@ TEST(DisplayChanged, IsFoundAndNamesBothModes) {
   }
 }
 
+// What comes between the screen and the projector can not be read back from the screen.
+TEST(DisplayGamma, IsSetStraightAndAnotherOneIsFound) {
+  Rig rig;
+  XIntruder intruder(rig.xvfb->display());
+  intruder.SetGamma(1.4);
+  ASSERT_EQ(intruder.Gamma().size(), 256u);
+  ASSERT_LT(intruder.Gamma()[128], 0x7000);
+  auto projector = rig.Open();
+  ASSERT_TRUE(projector.ok()) << projector.status();
+  std::vector<uint16_t> straight;
+  for (uint16_t code = 0; code < 256; ++code) straight.push_back(code * 257);
+  EXPECT_EQ(intruder.Gamma(), straight);
+  for (bool idle : {true, false}) {
+    const absl::Status good = rig.Show(**projector, Full());
+    ASSERT_TRUE(good.ok()) << good;
+    EXPECT_EQ(intruder.Gamma(), straight);
+    intruder.SetGamma(1.4);
+    if (idle) SleepFor(rig.clock, milliseconds(600));
+    const absl::Status shown = rig.Show(**projector, Hat());
+    EXPECT_EQ(ErrorReason(shown), "DISPLAY_GAMMA") << shown;
+  }
+  // Meanwhile, and in the very frames that were exposed.
+  ASSERT_TRUE(rig.Show(**projector, Full()).ok()) << "connected anew";
+  intruder.SetGamma(1.01);
+  Pending<std::monostate> checked(rig.clock);
+  (*projector)->Check(rig.clock.Now() + seconds(60), checked.sink());
+  const absl::Status found = checked.Wait(kNever, "Check").status();
+  EXPECT_EQ(ErrorReason(found), "DISPLAY_GAMMA") << found;
+}
+
+// Whatever is wrong: what is to be dark is.
+TEST(DisplayGamma, BlackIsShownAllTheSame) {
+  Rig rig;
+  XIntruder intruder(rig.xvfb->display());
+  auto projector = rig.Open();
+  ASSERT_TRUE(projector.ok()) << projector.status();
+  ASSERT_TRUE(rig.Show(**projector, Full()).ok());
+  intruder.SetGamma(1.4);
+  const absl::Status shown = rig.Show(**projector, Pattern{});
+  EXPECT_EQ(ErrorReason(shown), "DISPLAY_GAMMA") << shown;
+  EXPECT_EQ(rig.Difference(Pattern{}), "");
+}
+
+TEST(DisplayCompositor, IsRefusedAtOpeningAndFoundLater) {
+  Rig rig;
+  XIntruder intruder(rig.xvfb->display());
+  auto projector = rig.Open();
+  ASSERT_TRUE(projector.ok()) << projector.status();
+  intruder.PoseAsCompositor(true);
+  absl::Status refused = rig.Show(**projector, Full());
+  EXPECT_EQ(ErrorReason(refused), "DEVICE_UNSUITABLE") << refused;
+  EXPECT_NE(refused.message().find("compositor"), std::string_view::npos) << refused;
+  projector->reset();
+  refused = rig.Open().status();
+  EXPECT_EQ(ErrorReason(refused), "DEVICE_UNSUITABLE") << refused;
+  intruder.PoseAsCompositor(false);
+  projector = rig.Open();
+  ASSERT_TRUE(projector.ok()) << projector.status();
+  EXPECT_TRUE(rig.Show(**projector, Full()).ok());
+}
+
 TEST(DisplayLoss, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
   Rig rig;
   auto projector = rig.Open();

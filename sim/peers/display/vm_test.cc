@@ -3,8 +3,10 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/pidfd.h>
 #include <unistd.h>
 #include <xf86drm.h>
+#include <xf86drmMode.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -61,6 +63,33 @@ class Output {
   absl::StatusOr<ScannedOut> ScanOut() const { return scanout_->Read(); }
   // As if its cable were off, or on again.
   void Plug(bool in) const { std::ofstream(connector_ / "status") << (in ? "detect" : "off"); }
+  // As a screen saver would, which only the card's master may: by the descriptor of `master`.
+  void Sleep(pid_t master) const {
+    const int process = pidfd_open(master, 0);
+    bool asleep = false;
+    for (const auto& entry :
+         std::filesystem::directory_iterator(absl::StrCat("/proc/", master, "/fd"))) {
+      std::error_code error;
+      if (std::filesystem::read_symlink(entry, error) != device()) continue;
+      const int card = pidfd_getfd(process, std::stoi(entry.path().filename()), 0);
+      drmModeRes* resources = drmModeGetResources(card);
+      const uint32_t id = resources != nullptr ? resources->connectors[0] : 0;
+      drmModeFreeResources(resources);
+      drmModeConnector* connector = drmModeGetConnectorCurrent(card, id);
+      for (int i = 0; connector != nullptr && i < connector->count_props; ++i) {
+        drmModePropertyRes* property = drmModeGetProperty(card, connector->props[i]);
+        if (property != nullptr && std::string_view(property->name) == "DPMS") {
+          asleep |=
+              drmModeConnectorSetProperty(card, id, property->prop_id, DRM_MODE_DPMS_OFF) == 0;
+        }
+        drmModeFreeProperty(property);
+      }
+      drmModeFreeConnector(connector);
+      close(card);
+    }
+    close(process);
+    EXPECT_TRUE(asleep);
+  }
 
   // The first pixel that is another one; also if the mode is not the native one.
   std::string Difference(const std::vector<uint32_t>& pixels) const {
@@ -90,6 +119,17 @@ class Output {
   int width_ = 0, height_ = 0;
   double refresh_hz_ = 0;
 };
+
+// The process that has the screen.
+pid_t OnlyChild() {
+  std::vector<pid_t> pids;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+    std::ifstream children(task.path() / "children");
+    for (pid_t pid = 0; children >> pid;) pids.push_back(pid);
+  }
+  EXPECT_EQ(pids.size(), 1u);
+  return pids.empty() ? -1 : pids.front();
+}
 
 Pattern Of(PatternArrangement arrangement, PatternProfile profile, int grid, int column, int row) {
   Pattern pattern;
@@ -175,6 +215,15 @@ TEST_F(KmsVm, OutputsAreListedByTheKernelsNamesInTheirNativeModes) {
   }
 }
 
+TEST_F(KmsVm, TheSearchFindsThem) {
+  const auto found = DisplayDiscovery()();
+  ASSERT_TRUE(found.ok()) << found.status();
+  ASSERT_EQ(found->size(), 2u);
+  const std::string& lines = (*found)[0].toml;
+  EXPECT_NE(lines.find("backend = \"kmsdrm\"\noutput = \"" + one_.name() + "\""), std::string::npos)
+      << lines;
+}
+
 TEST_F(KmsVm, WhatIsNotThereOrOfAnotherSizeIsRefused) {
   absl::Status opened = Screen::Open(On(other_), one_.width(), one_.height()).status();
   EXPECT_EQ(ErrorReason(opened), "DEVICE_UNSUITABLE") << opened;
@@ -247,13 +296,16 @@ TEST_F(KmsVm, EveryPixelThatIsScannedOutIsThePatterns) {
   EXPECT_TRUE(shown.ok()) << "connected anew: " << shown;
   EXPECT_EQ(one_.Difference(kHat), "");
 
+  one_.Sleep(OnlyChild());
+  shown = Show(**projector, kFull);
+  EXPECT_EQ(ErrorReason(shown), "DEVICE_LOST") << shown;
+  EXPECT_NE(shown.message().find("put to sleep"), std::string_view::npos) << shown;
+  shown = Show(**projector, kFull);
+  EXPECT_TRUE(shown.ok()) << "woken up: " << shown;
+  EXPECT_EQ(one_.Difference(kFull), "");
+
   // Whoever takes the process away takes the picture too.
-  int killed = 0;
-  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
-    std::ifstream children(task.path() / "children");
-    for (pid_t pid = 0; children >> pid;) killed += kill(pid, SIGKILL) == 0;
-  }
-  ASSERT_EQ(killed, 1);
+  ASSERT_EQ(kill(OnlyChild(), SIGKILL), 0);
   const TimePoint late = clock_.Now() + seconds(20);
   while (!one_.Difference(kBlack).empty() && clock_.Now() < late) {
     SleepFor(clock_, milliseconds(20));

@@ -1,7 +1,9 @@
 // For tests: another client of the X server, which does what it should not.
 #pragma once
 
+#include <cstdint>
 #include <string>
+#include <vector>
 
 namespace lightstage {
 
@@ -16,6 +18,11 @@ class XIntruder {
   void Cover();
   void Raise();
   void Uncover();
+  // Owns the selection that compositors own.
+  void PoseAsCompositor(bool pose);
+  // The gamma table of the first output's crtc becomes x ^ exponent; all of its reds.
+  void SetGamma(double exponent);
+  std::vector<uint16_t> Gamma();
 
  private:
   void* const display_;  // Xlib's Display
