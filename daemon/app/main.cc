@@ -80,6 +80,12 @@ std::unique_ptr<Clock> ClockOf(const RigFile& file) {
   return std::make_unique<RealClock>();
 }
 
+// What was asked for on standard output is there.
+absl::Status Written() {
+  if (std::cout.flush()) return absl::OkStatus();
+  return Error(absl::StatusCode::kInternal, "OUTPUT_FAILED", "cannot write to standard output");
+}
+
 // Until one of `signals` comes.
 absl::Status CalibrateLatency(const Arguments& arguments, const RigFile& file,
                               const sigset_t& signals) {
@@ -91,7 +97,7 @@ absl::Status CalibrateLatency(const Arguments& arguments, const RigFile& file,
                      return sigtimedwait(&signals, nullptr, &now) > 0;
                    }));
   std::cout << LatencyToml(report);
-  return absl::OkStatus();
+  return Written();
 }
 
 // Serves until one of `signals` comes.
@@ -176,7 +182,8 @@ int Main(int argc, char** argv) {
   const std::shared_ptr<sim::Simulation> simulation = RegisterBuiltinDrivers(drivers);
   if (arguments.discover) {
     Discover(drivers, std::cout);
-    return 0;
+    const absl::Status written = Written();
+    return written.ok() ? 0 : fail(written);
   }
   std::unique_ptr<RigFile> file;
   absl::Status loaded = CatchShortage([&]() -> absl::Status {
@@ -186,7 +193,8 @@ int Main(int argc, char** argv) {
   if (!loaded.ok()) return fail(loaded);
   if (arguments.check) {
     std::cout << arguments.rig_file << ": good\n";
-    return 0;
+    const absl::Status written = Written();
+    return written.ok() ? 0 : fail(written);
   }
   // Before any thread: all of them leave these signals to Serve(). Not before the rig file is read, which can be a pipe.
   const sigset_t signals = EndingSignals();

@@ -23,6 +23,9 @@ constexpr int kLeastSwitches = 40, kMostSwitches = 200;
 // The longest latency that is found. So long after light was switched all frames are taken to be of it.
 constexpr Duration kLongest = seconds(1);
 
+// How often it is asked whether it is interrupted.
+constexpr Duration kHearing = std::chrono::milliseconds(200);
+
 double Ms(Duration d) { return Seconds(d) * 1e3; }
 
 // One exposure on its way.
@@ -37,8 +40,10 @@ class Exposing {
         exposure, deadline_, [](const absl::StatusOr<ExposureEnd>&) {}, frame_.sink());
   }
   TimePoint triggered() const { return triggered_; }
+  bool over() const { return frame_.done(); }
+  TimePoint GiveUp() const { return deadline_ + rig_->device_timeout(); }
   absl::StatusOr<Frame> Wait() {
-    absl::StatusOr<Frame> frame = frame_.Wait(deadline_ + rig_->device_timeout(), "camera: frame");
+    absl::StatusOr<Frame> frame = frame_.Wait(GiveUp(), "camera: frame");
     if (!frame.ok()) rig_->SuspectCamera();
     return frame;
   }
@@ -75,8 +80,13 @@ Bracket BracketOf(const std::vector<Sample>& samples, const Bracket& widest) {
 
 class Measurement {
  public:
-  Measurement(Rig& rig, const Condition& light, Duration exposure)
-      : rig_(rig), light_(light), exposure_(exposure), since_(rig.disturbances()) {}
+  Measurement(Rig& rig, const Condition& light, Duration exposure,
+              absl::FunctionRef<bool()> interrupted)
+      : rig_(rig),
+        light_(light),
+        exposure_(exposure),
+        interrupted_(interrupted),
+        since_(rig.disturbances()) {}
 
   // What frames look like in the dark and in the light, and when they come.
   absl::Status Learn();
@@ -88,6 +98,10 @@ class Measurement {
 
  private:
   absl::Status Light(const Condition& condition) { return rig_.StartCondition(condition)->Wait(); }
+  // CANCELLED when interrupted; else waits until `end` or `over`.
+  absl::Status Pass(
+      TimePoint end, absl::FunctionRef<bool()> over = [] { return false; });
+  absl::Status Pass(Duration time) { return Pass(rig_.clock().Now() + time); }
   // Waits for the frame; one that came damaged is taken again.
   absl::StatusOr<Frame> Finish(Exposing& exposing);
   absl::StatusOr<std::vector<RowMeans>> TakeReferences();
@@ -99,10 +113,12 @@ class Measurement {
   Rig& rig_;
   const Condition light_;
   const Duration exposure_;
+  const absl::FunctionRef<bool()> interrupted_;
   const uint64_t since_;
   std::optional<LightSeen> seen_;
   Duration interval_{};  // between frames
   Duration lead_{};      // from a trigger to the latest start of its frame, about
+  int rearmed_ = 0;      // frames before and after it are not numbered in one row
   Bracket widest_, bracket_;
   std::vector<Sample> samples_;
   int switches_ = 0;
@@ -110,8 +126,19 @@ class Measurement {
   std::mt19937 random_{1};
 };
 
+absl::Status Measurement::Pass(TimePoint end, absl::FunctionRef<bool()> over) {
+  while (true) {
+    if (interrupted_()) {
+      return Error(absl::StatusCode::kCancelled, "INTERRUPTED", "the measurement was interrupted");
+    }
+    const TimePoint next = std::min(end, rig_.clock().Now() + kHearing);
+    if (rig_.clock().WaitUntil(next, over) || next == end) return absl::OkStatus();
+  }
+}
+
 absl::StatusOr<Frame> Measurement::Finish(Exposing& exposing) {
   for (int attempt = 1;; ++attempt) {
+    RETURN_IF_ERROR(Pass(exposing.GiveUp(), [&] { return exposing.over(); }));
     absl::StatusOr<Frame> frame = exposing.Wait();
     if (frame.ok() && !frame->latest_start) {
       return Error(
@@ -124,26 +151,34 @@ absl::StatusOr<Frame> Measurement::Finish(Exposing& exposing) {
     if (!absl::IsDataLoss(frame.status()) || attempt == rig_.file().engine.max_attempts)
       return frame;
     RETURN_IF_ERROR(rig_.ArmCamera());
+    ++rearmed_;
     exposing = Exposing(rig_, exposure_);
   }
 }
 
 absl::StatusOr<std::vector<RowMeans>> Measurement::TakeReferences() {
-  SleepFor(rig_.clock(), kLongest);
+  RETURN_IF_ERROR(Pass(kLongest));
   std::vector<RowMeans> references;
   Duration lead{};
   std::optional<Frame> first;
+  int armed = rearmed_;
   for (int i = 0; i < kReferences; ++i) {
     Exposing exposing(rig_, exposure_);
     ASSIGN_OR_RETURN(Frame frame, Finish(exposing));
     references.push_back(RowMeansOf(frame));
     lead += *frame.latest_start - exposing.triggered();
-    if (!first) {
+    if (!first || rearmed_ != armed) {
       first = std::move(frame);
+      armed = rearmed_;
     } else if (frame.sequence > first->sequence) {
       interval_ = (*frame.latest_start - *first->latest_start) /
                   static_cast<int64_t>(frame.sequence - first->sequence);
     }
+  }
+  if (interval_ <= Duration::zero()) {
+    return Error(absl::StatusCode::kAborted, "LATENCY_UNCLEAR",
+                 absl::StrFormat("%d frames do not tell how far apart the camera's frames are",
+                                 kReferences));
   }
   lead_ = lead / kReferences;
   return references;
@@ -165,7 +200,9 @@ absl::Status Measurement::Learn() {
 // The light that goes off must have been on.
 absl::Status Measurement::AwaitLight() {
   RETURN_IF_ERROR(Light(light_));
-  const TimePoint give_up = rig_.clock().Now() + kLongest;
+  // So late a frame can show the light, and damaged ones take time too.
+  const Duration patience = kLongest + 3 * std::max(interval_, exposure_);
+  const TimePoint give_up = rig_.clock().Now() + patience;
   while (true) {
     Exposing exposing(rig_, exposure_);
     ASSIGN_OR_RETURN(const Frame frame, Finish(exposing));
@@ -175,14 +212,14 @@ absl::Status Measurement::AwaitLight() {
         absl::StatusCode::kFailedPrecondition, "LIGHT_NOT_SEEN",
         absl::StrFormat("the light was switched on and %g s later the picture is not as bright as "
                         "it was at first",
-                        Seconds(kLongest)));
+                        Seconds(patience)));
   }
 }
 
 absl::Status Measurement::Switch() {
   RETURN_IF_ERROR(AwaitLight());
   // At any phase of the camera's frames, which the last one that came would tell.
-  SleepFor(rig_.clock(), Uniform(Duration::zero(), interval_));
+  RETURN_IF_ERROR(Pass(Uniform(Duration::zero(), interval_)));
   // Half a frame or more around what has been found so far.
   const Duration age =
       Uniform(bracket_.with_light - interval_ / 2, bracket_.without_light + interval_ / 2);
@@ -190,12 +227,12 @@ absl::Status Measurement::Switch() {
   std::optional<Exposing> exposing;
   if (ahead >= Duration::zero()) {
     exposing.emplace(rig_, exposure_);
-    SleepFor(rig_.clock(), ahead);
+    RETURN_IF_ERROR(Pass(ahead));
   }
   const TimePoint commanded = rig_.clock().Now();
   const std::unique_ptr<Rig::Lighting> off = rig_.StartCondition({});
   if (!exposing) {
-    SleepFor(rig_.clock(), -ahead);
+    RETURN_IF_ERROR(Pass(-ahead));
     exposing.emplace(rig_, exposure_);
   }
   while (true) {
@@ -258,12 +295,9 @@ absl::StatusOr<LatencyReport> MeasureWith(Rig& rig, const SwitchedLight& light, 
                                           absl::FunctionRef<bool()> interrupted) {
   spdlog::info("latency: switching the {} off, exposing for {:g} us", light.name,
                Seconds(exposure) * 1e6);
-  Measurement measurement(rig, light.on, exposure);
+  Measurement measurement(rig, light.on, exposure, interrupted);
   RETURN_IF_ERROR(measurement.Learn());
   for (int i = 0; i < kLeastSwitches || !measurement.Clear(); ++i) {
-    if (interrupted()) {
-      return Error(absl::StatusCode::kCancelled, "INTERRUPTED", "the measurement was interrupted");
-    }
     if (i == kMostSwitches) {
       const LatencyReport found = measurement.Found();
       return Error(

@@ -48,6 +48,7 @@ struct CameraTruth {
   int black_rows = 0;         // at the top, where there is nothing to be lit
   std::function<bool(uint64_t frame)> sees = [](uint64_t) { return true; };
   std::function<bool(uint64_t frame)> damaged = [](uint64_t) { return false; };
+  bool numbers_anew = false;  // from 1, whenever it is armed
 };
 
 class FreeRunningCamera final : public Camera {
@@ -68,6 +69,7 @@ class FreeRunningCamera final : public Camera {
     null_.Configure(config, deadline, std::move(done));
   }
   void Arm(TimePoint deadline, Completion<CameraConfig> done) override {
+    if (truth_.numbers_anew) numbered_from_ = last_;
     null_.Arm(deadline, std::move(done));
   }
   void Disarm(TimePoint deadline, Completion<CameraConfig> done) override {
@@ -102,7 +104,7 @@ class FreeRunningCamera final : public Camera {
     frame.width = kWidth;
     frame.height = kHeight;
     frame.exposure = exposure;
-    frame.sequence = number;
+    frame.sequence = number - numbered_from_;
     frame.latest_start = Start(number) + Late(number);
     for (int y = 0; y < kHeight; ++y) {
       const TimePoint from = Start(number) + truth_.readout * y / kHeight;
@@ -118,7 +120,7 @@ class FreeRunningCamera final : public Camera {
   const TestLight& light_;
   const CameraTruth truth_;
   NullCamera null_;
-  uint64_t last_ = 0;
+  uint64_t last_ = 0, numbered_from_ = 0;
 };
 
 // Its light changes at once.
@@ -175,7 +177,12 @@ class LatencyTest : public testing::Test {
     }
     auto rig = Rig::Open(*file_, clock_);
     if (!rig.ok()) return rig.status();
-    auto report = MeasureLatency(**rig, [this] { return --interrupt_in_ < 0; });
+    TimePoint asked = clock_.Now();
+    auto report = MeasureLatency(**rig, [&] {
+      longest_unasked_ =
+          std::max(longest_unasked_, clock_.Now() - std::exchange(asked, clock_.Now()));
+      return --interrupt_in_ < 0;
+    });
     SleepFor(clock_, seconds(1));
     EXPECT_EQ(light_.level(), 0) << "it is left dark";
     EXPECT_EQ((*rig)->use(), RigUse::kNone);
@@ -197,6 +204,7 @@ class LatencyTest : public testing::Test {
   std::optional<Duration> projector_settle_;
   int lamps_work_for_ = INT_MAX;  // switches
   int interrupt_in_ = INT_MAX;    // questions
+  Duration longest_unasked_{};
 };
 
 TEST_F(LatencyTest, IsNeverTooShortAndAtMostAFrameTooLong) {
@@ -260,6 +268,7 @@ TEST_F(LatencyTest, TheExposureThatNeedsMoreCounts) {
 TEST_F(LatencyTest, DamagedFramesAreTakenAgain) {
   CameraTruth truth;
   truth.damaged = [](uint64_t frame) { return frame % 7 < 2; };
+  truth.numbers_anew = true;
   const auto report = Measure(truth);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_GE(report->latency(), milliseconds(12));
@@ -328,6 +337,16 @@ TEST_F(LatencyTest, ALatencyOfMoreThanASecondIsNotMistaken) {
 TEST_F(LatencyTest, CanBeInterrupted) {
   interrupt_in_ = 5;
   ExpectRefused({}, "INTERRUPTED", "interrupted");
+}
+
+TEST_F(LatencyTest, IsNeverDeafForLong) {
+  file_->camera_options.exposures = {seconds(10)};
+  file_->engine.device_timeout = seconds(30);
+  CameraTruth truth;
+  truth.interval = seconds(10);
+  const auto report = Measure(truth);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_LE(longest_unasked_, milliseconds(500));
 }
 
 TEST_F(LatencyTest, TheLineCanBePastedAndIsRoundedUp) {
