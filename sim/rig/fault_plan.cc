@@ -26,7 +26,9 @@ FaultKind Once(std::string name, std::function<void()> make) {
 FaultPlan::FaultPlan(std::string device, const FaultPlanOptions& options,
                      std::vector<FaultKind> kinds)
     : device_(std::move(device)), options_(options), kinds_(std::move(kinds)) {
-  if (options_.interval > Duration::zero()) thread_ = std::thread([this] { Run(); });
+  if (options_.interval <= Duration::zero()) return;
+  for (const FaultKind& kind : kinds_) spdlog::info("{}: fault to come: {}", device_, kind.name);
+  thread_ = std::thread([this] { Run(); });
 }
 
 FaultPlan::~FaultPlan() {

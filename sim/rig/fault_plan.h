@@ -29,7 +29,8 @@ struct FaultPlanOptions {
 FaultPlanOptions ParseFaultPlan(const TomlTable& peer);
 
 struct FaultKind {
-  std::string name;                // what the log says: "NAME: fault on purpose: …"
+  std::string
+      name;  // what the log says: "DEVICE: fault on purpose: NAME"; at first "DEVICE: fault to come: NAME"
   Duration lasts{};                // until it is mended
   std::function<void(bool)> make;  // true: it begins, false: it is mended; on the plan's thread
 };

@@ -43,8 +43,11 @@ std::string WireRig(const std::string& peer = "") {
 constexpr char kDmxLamps[] =
     "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\nslots = 40\n"
     "first_channel = 1\nlamp_count = 40\nsettle_ms = 40\n[lamps.peer]\n";
-// Seldom enough for a run to come to its end.
-constexpr char kFaults[] = "fault_interval_s = 10\nfault_after_s = 3\n";
+// Seldom enough for a run to come to its end. The seeds begin with what no other test does on the kernel's buses: the drive's fault and a power
+// cycle; short reports, unplugged, the sequencer stopped, an LED setting that is not taken.
+constexpr char kCanFaults[] = "fault_interval_s = 10\nfault_after_s = 3\nfault_seed = 212\n";
+constexpr char kDmxFaults[] = "fault_interval_s = 20\nfault_after_s = 3\n";
+constexpr char kHidFaults[] = "fault_interval_s = 10\nfault_after_s = 3\nfault_seed = 113\n";
 
 using Plan = std::vector<std::string>;
 const Plan kLightStage = {"light-stage", "--azimuths", "8"};
@@ -115,13 +118,14 @@ TEST(WireVm, A4dCaptureOverADlpc350EqualsTheDirectOne) {
 }
 
 TEST(WireVmFaults, AreRetakenOrPause) {
-  Campaign(DirectRig(), WithTable(WireRig(kFaults), "lamps", std::string(kDmxLamps) + kFaults),
+  Campaign(DirectRig(),
+           WithTable(WireRig(kCanFaults), "lamps", std::string(kDmxLamps) + kDmxFaults),
            kTwiceEightLamps, 4, 0.001);
 }
 
 TEST(WireVmHidFaults, AreRetakenOrPause) {
   Campaign(DirectRig(),
-           WithTable(RealTime(DirectRig()), "projector", Dlpc350("PROJECTOR2", kFaults)), k4d, 4,
+           WithTable(RealTime(DirectRig()), "projector", Dlpc350("PROJECTOR2", kHidFaults)), k4d, 4,
            0.001);
 }
 

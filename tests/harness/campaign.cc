@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <map>
+#include <string_view>
 
 #include "gtest/gtest.h"
 #include "tests/harness/compare.h"
@@ -10,16 +11,19 @@
 namespace lightstage {
 namespace {
 
-// The faults that were made, "DEVICE: KIND", and how often each.
-std::map<std::string, size_t> FaultsIn(const std::string& log) {
-  constexpr std::string_view kMark = ": fault on purpose: ";
-  std::map<std::string, size_t> faults;
-  for (size_t at = 0; (at = log.find(kMark, at)) != std::string::npos; at += kMark.size()) {
-    const size_t device = log.rfind(' ', at) + 1, kind = at + kMark.size();
-    ++faults[log.substr(device, at - device) + ": " +
-             log.substr(kind, log.find('\n', kind) - kind)];
+// What the log says after "DEVICE`mark`": "DEVICE: KIND", and how often each.
+std::map<std::string, size_t> Said(std::string_view log, std::string_view mark) {
+  std::map<std::string, size_t> said;
+  for (size_t at = 0; (at = log.find(mark, at)) != std::string::npos; at += mark.size()) {
+    const size_t device = log.rfind(' ', at) + 1, kind = at + mark.size();
+    const size_t end = log.find('\n', kind);
+    ++said[std::string(log.substr(device, at - device)) + ": " +
+           std::string(log.substr(kind, end - kind))];
   }
-  return faults;
+  return said;
+}
+std::map<std::string, size_t> FaultsIn(std::string_view log) {
+  return Said(log, ": fault on purpose: ");
 }
 
 size_t Sum(const std::map<std::string, size_t>& counts) {
@@ -28,12 +32,17 @@ size_t Sum(const std::map<std::string, size_t>& counts) {
   return sum;
 }
 
-// What is said to be lit; a lamp of which nobody knows has no number.
-std::string StillLit(const Json& state) {
+bool HadAFault(std::string_view log, const std::string& device) {
+  return log.find(device + ": fault on purpose: ") != std::string_view::npos;
+}
+
+// What is said to be lit, or not known to be dark although the device had no fault; a lamp of which nobody knows has no number.
+std::string StillLit(const Json& state, std::string_view log) {
   for (const Json& lamp : state.value("lamps", Json::array())) {
-    if (lamp.contains("level") && lamp["level"].is_number() && lamp["level"] > 0)
-      return lamp.dump();
+    const Json level = lamp.value("level", Json(0));
+    if (level.is_number() ? level > 0 : !HadAFault(log, "lamps")) return lamp.dump();
   }
+  if (state.value("patternUnknown", false) && !HadAFault(log, "projector")) return "unknown";
   const Json pattern = state.value("pattern", Json());
   if (!pattern.is_null() && pattern.value("arrangement", "") != "PATTERN_ARRANGEMENT_BLACK") {
     return pattern.dump();
@@ -41,15 +50,18 @@ std::string StillLit(const Json& state) {
   return "";
 }
 
-// A pause is dark, and its reason names a device that had a fault.
-void ExpectGoodPause(const Json& run, const Json& state, const std::string& log) {
+// A pause is dark, and its reason names a device that had a fault since `before`, a place in the log before the run was started or resumed.
+void ExpectGoodPause(const Json& run, const Json& state, const std::string& log, size_t before) {
   const std::string message = run["reason"].value("message", "");
+  const std::string_view since = std::string_view(log).substr(before);
   bool named = false;
-  for (const auto& [fault, count] : FaultsIn(log)) {
+  for (const auto& [fault, count] : FaultsIn(since)) {
     named |= message.find(fault.substr(0, fault.find(':'))) != std::string::npos;
   }
-  EXPECT_TRUE(named) << "names no device that had a fault: " << run["reason"].dump();
-  EXPECT_EQ(StillLit(state), "") << "paused, but lit: " << run["reason"].dump();
+  EXPECT_TRUE(named) << "names no device that had a fault: " << run["reason"].dump() << "\n"
+                     << since;
+  EXPECT_NE(run["reason"].value("reason", ""), "");
+  EXPECT_EQ(StillLit(state, log), "") << "paused, but lit: " << run["reason"].dump();
 }
 
 void PrintCounts(const char* what, const std::map<std::string, size_t>& counts) {
@@ -79,12 +91,14 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
   TestFolder folder;
   const std::filesystem::path direct = DirectRun(folder, direct_rig, plan);
   Daemon daemon(folder, faulty_rig);
-  int runs = 0, images = 0, retakes = 0;
+  int runs = 0, images = 0;
+  size_t retakes = 0;
   double worst = 0;
   std::map<std::string, size_t> pauses;  // by reason
   std::vector<std::string> capture = {"capture", "--detach"};
   capture.insert(capture.end(), plan.begin(), plan.end());
   while (Sum(FaultsIn(daemon.log())) < faults) {
+    size_t before = daemon.log().size();
     const Answer started = AfterReset(daemon, capture);
     ASSERT_EQ(started.code, 0) << started.err;
     const std::string run = started.json()["run"]["name"];
@@ -97,11 +111,12 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
       ended = now["state"] == "RUN_STATE_SUCCEEDED";
       if (ended) break;
       ++pauses[now["reason"].value("reason", "")];
-      ExpectGoodPause(now, daemon.State(), daemon.log());
+      ExpectGoodPause(now, daemon.State(), daemon.log(), before);
+      before = daemon.log().size();
       const Answer resumed = AfterReset(daemon, {"runs", "resume", run});
       ASSERT_EQ(resumed.code, 0) << resumed.err;
     }
-    retakes += now.value("retakes", 0);
+    retakes += now.value("retakes", size_t{0});
     const BasisComparison same = CompareBasis(direct, daemon.RunFolder(run), 12, exposure_s);
     ++runs;
     images += same.images;
@@ -111,11 +126,17 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
   }
   const std::map<std::string, size_t> made = FaultsIn(daemon.log());
   std::printf(
-      "measured: %zu faults in %d runs: %d images, %d retakes, worst difference %.3f of a code;",
+      "measured: %zu faults in %d runs: %d images, %zu retakes, worst difference %.3f of a code;",
       Sum(made), runs, images, retakes, worst);
   PrintCounts(" pauses:", pauses);
   PrintCounts("; faults:", made);
   std::printf("\n");
+  EXPECT_GT(retakes + Sum(pauses), 0u) << "faults that disturb nothing";
+  if (faults >= 50) {
+    for (const auto& [kind, plans] : Said(daemon.log(), ": fault to come: ")) {
+      EXPECT_TRUE(made.contains(kind)) << kind << " never came";
+    }
+  }
   EXPECT_EQ(daemon.Terminate(), 0);
 }
 

@@ -4,6 +4,7 @@
 
 #include "drivers/conformance/fixtures.h"
 #include "drivers/conformance/private_network.h"
+#include "drivers/conformance/unplug.h"
 #include "sim/peers/modbus/test_bench.h"
 
 namespace lightstage::sim {
@@ -189,6 +190,29 @@ TEST_F(BoardsTest, TheTimeToDarkIsTheBoardsOwn) {
   // Connected anew it is set again.
   ASSERT_TRUE(Set(kAll).ok());
   EXPECT_TRUE(boards_->bench().Becomes([&] { return boards_->Emitted() == kNone; }));
+}
+
+TEST_F(BoardsTest, UnpluggedIsToldWithinASecondAndKeepsNothingOpen) {
+  for (Wire wire : {Wire::kTcp, Wire::kRtu}) {
+    Start(Relays(wire, ""));
+    bool on = false;
+    CheckUnplugging(boards_->bench().clock(), "lamps",
+                    {.plug =
+                         [&](bool plugged) {
+                           if (plugged) {
+                             EXPECT_EQ(boards_->bench().server().Plug(), absl::OkStatus());
+                           } else {
+                             boards_->bench().server().Unplug();
+                           }
+                         },
+                     .use = [&] { return Set((on = !on) ? kAll : kNone); },
+                     .recover =
+                         [&] {
+                           Set(kNone).IgnoreError();  // may find out only now
+                           return Set(kNone);
+                         }});
+    lamps_.reset();
+  }
 }
 
 TEST_F(BoardsTest, ABoardWithoutTheWatchdogRegisterIsRefused) {
