@@ -147,7 +147,7 @@ absl::Status SdlOutput::Start() {
                               "1x1 --rotate normal --reflect normal)"),
                  {{"output", head_.name}});
   }
-  RETURN_IF_ERROR(CheckMode());
+  if (server_ != nullptr) RETURN_IF_ERROR(CheckMode());
   RETURN_IF_ERROR(StartSdl(options_.backend, options_.x_display, head_.card));
   RETURN_IF_ERROR(OpenWindow());
   if (server_ != nullptr) {

@@ -3,10 +3,12 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/pidfd.h>
 #include <unistd.h>
 #include <xf86drm.h>
 #include <xf86drmMode.h>
+extern "C" {
+#include <sys/pidfd.h>  // of glibc 2.36, which forgets to say so
+}
 
 #include <algorithm>
 #include <filesystem>
