@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <map>
 #include <string_view>
+#include <utility>
 
 #include "gtest/gtest.h"
 #include "tests/harness/compare.h"
@@ -50,10 +51,11 @@ std::string StillLit(const Json& state, std::string_view log) {
   return "";
 }
 
-// A pause is dark, and its reason names a device that had a fault since `before`, a place in the log before the run was started or resumed.
-void ExpectGoodPause(const Json& run, const Json& state, const std::string& log, size_t before) {
+// A pause is dark, and its reason names a device that had a fault since the last but one: it may last beyond the last.
+void ExpectGoodPause(const Json& run, const Json& state, const std::string& log,
+                     size_t before_last) {
   const std::string message = run["reason"].value("message", "");
-  const std::string_view since = std::string_view(log).substr(before);
+  const std::string_view since = std::string_view(log).substr(before_last);
   bool named = false;
   for (const auto& [fault, count] : FaultsIn(since)) {
     named |= message.find(fault.substr(0, fault.find(':'))) != std::string::npos;
@@ -91,6 +93,7 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
   TestFolder folder;
   const std::filesystem::path direct = DirectRun(folder, direct_rig, plan);
   Daemon daemon(folder, faulty_rig);
+  size_t before_last = 0, last = 0;  // places in the log: of the pauses before
   int runs = 0, images = 0;
   size_t retakes = 0;
   double worst = 0;
@@ -98,7 +101,6 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
   std::vector<std::string> capture = {"capture", "--detach"};
   capture.insert(capture.end(), plan.begin(), plan.end());
   while (Sum(FaultsIn(daemon.log())) < faults) {
-    size_t before = daemon.log().size();
     const Answer started = AfterReset(daemon, capture);
     ASSERT_EQ(started.code, 0) << started.err;
     const std::string run = started.json()["run"]["name"];
@@ -111,8 +113,8 @@ void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
       ended = now["state"] == "RUN_STATE_SUCCEEDED";
       if (ended) break;
       ++pauses[now["reason"].value("reason", "")];
-      ExpectGoodPause(now, daemon.State(), daemon.log(), before);
-      before = daemon.log().size();
+      ExpectGoodPause(now, daemon.State(), daemon.log(), before_last);
+      before_last = std::exchange(last, daemon.log().size());
       const Answer resumed = AfterReset(daemon, {"runs", "resume", run});
       ASSERT_EQ(resumed.code, 0) << resumed.err;
     }
