@@ -1,10 +1,11 @@
 // What the drivers add to their wires: commands of the devices' contracts, from the call until their completion, through each driver and
 // the simulated device at the other end (sim/peers), against the same exchanges on the same wire without the driver, or what the line
-// itself needs. Usage: command_bench [--can INTERFACE] [--hid]
+// itself needs. Usage: command_bench [--can INTERFACE] [--hid] [--video NODE]
 //
 // Without arguments it measures what every machine has. Else these alone, through the kernel and not within the process:
 //   --can INTERFACE   CANopen on this interface (vcan)
 //   --hid             a DLPC350 that is a HID device of this machine (uhid)
+//   --video NODE      a camera of the kernel (vivid)
 
 #include <arv.h>
 #include <spdlog/spdlog.h>
@@ -17,6 +18,7 @@
 #include "base/memory.h"
 #include "bench/buses.h"
 #include "bench/stage.h"
+#include "bench/video.h"
 #include "drivers/aravis/driver.h"
 #include "drivers/conformance/private_network.h"
 #include "drivers/display/driver.h"
@@ -240,13 +242,14 @@ absl::Status MeasureAravis(Stage& stage) {
                       .exposure = kExposure});
 }
 
-absl::Status Measure(const std::string& can_interface, bool hid) {
+absl::Status Measure(const std::string& can_interface, bool hid, const std::string& video) {
   Stage stage;
   RETURN_IF_ERROR(stage.Build());
   PrintRoundTripHeader();
   if (!can_interface.empty()) RETURN_IF_ERROR(MeasureCanopen(stage, can_interface));
   if (hid) RETURN_IF_ERROR(MeasureDlpc350(stage, hid));
-  if (hid || !can_interface.empty()) return absl::OkStatus();
+  if (!video.empty()) RETURN_IF_ERROR(MeasureV4l2(stage, video));
+  if (hid || !can_interface.empty() || !video.empty()) return absl::OkStatus();
   RETURN_IF_ERROR(MeasureModbus(stage, /*tcp=*/true));
   RETURN_IF_ERROR(MeasureModbus(stage, /*tcp=*/false));
   RETURN_IF_ERROR(MeasureCanopen(stage, ""));
@@ -263,20 +266,24 @@ absl::Status Measure(const std::string& can_interface, bool hid) {
 int main(int argc, char** argv) {
   spdlog::set_level(spdlog::level::err);
   lightstage::KeepFrameMemory();  // as the daemon does
-  std::string can_interface;
+  std::string can_interface, video;
   bool hid = false;
   for (int i = 1; i < argc; ++i) {
     if (std::strcmp(argv[i], "--hid") == 0) {
       hid = true;
     } else if (std::strcmp(argv[i], "--can") == 0 && i + 1 < argc) {
       can_interface = argv[++i];
+    } else if (std::strcmp(argv[i], "--video") == 0 && i + 1 < argc) {
+      video = argv[++i];
     } else {
-      return std::fprintf(stderr, "usage: command_bench [--can INTERFACE] [--hid]\n"), 2;
+      return std::fprintf(stderr,
+                          "usage: command_bench [--can INTERFACE] [--hid] [--video NODE]\n"),
+             2;
     }
   }
   // GigE Vision's port is fixed; an interface of the kernel is in the network that the machine has.
   if (can_interface.empty()) lightstage::EnterPrivateNetwork();
-  absl::Status measured = lightstage::bench::Measure(can_interface, hid);
+  absl::Status measured = lightstage::bench::Measure(can_interface, hid, video);
   if (!measured.ok()) std::fprintf(stderr, "%s\n", lightstage::MessageOf(measured).c_str());
   return measured.ok() ? 0 : 1;
 }
