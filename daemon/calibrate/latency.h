@@ -33,7 +33,7 @@ struct LatencyReport {
 
 // With the shortest and the longest exposure of the rig file: cameras are not always exposed as long as they say. Leaves the rig dark.
 // FAILED_PRECONDITION: LATENCY_NO_LIGHT without lamps and projector, LATENCY_NOT_NEEDED if the camera does not run freely, LIGHT_NOT_SEEN;
-// ABORTED / LATENCY_UNCLEAR if frames come too irregularly; CANCELLED soon after `interrupted` says so.
+// ABORTED / LATENCY_UNCLEAR if frames come too irregularly; CANCELLED soon after `interrupted` says so, unless a device that does not answer is waited for.
 absl::StatusOr<LatencyReport> MeasureLatency(Rig& rig, absl::FunctionRef<bool()> interrupted);
 
 // The lines for the table [camera.options], and as comments how they were found.

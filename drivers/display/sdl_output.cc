@@ -147,12 +147,13 @@ absl::Status SdlOutput::Start() {
                               "1x1 --rotate normal --reflect normal)"),
                  {{"output", head_.name}});
   }
-  if (server_ != nullptr) RETURN_IF_ERROR(CheckMode());
+  if (server_ != nullptr) {
+    server_->KeepAwake();
+    RETURN_IF_ERROR(CheckMode());
+  }
   RETURN_IF_ERROR(StartSdl(options_.backend, options_.x_display, head_.card));
   RETURN_IF_ERROR(OpenWindow());
-  if (server_ != nullptr) {
-    server_->Straighten(head_);
-  } else {
+  if (server_ == nullptr) {
     ASSIGN_OR_RETURN(card_, KmsCard::Open(head_));
   }
   pixels_.assign(static_cast<size_t>(head_.width) * head_.height, 0);
@@ -285,6 +286,7 @@ absl::Status SdlOutput::Pump() {
         break;
     }
   }
+  if (server_ != nullptr) touched_.Update(server_->CheckUntouched(head_));
   RETURN_IF_ERROR(CheckMode());
   if (!resized || server_ == nullptr) return absl::OkStatus();  // kmsdrm: the mode is all there is
   int x = 0, y = 0, width = 0, height = 0;
@@ -311,6 +313,8 @@ absl::Status SdlOutput::Show(std::span<const uint32_t> pixels) {
 }
 
 absl::Status SdlOutput::Draw(std::span<const uint32_t> pixels) {
+  if (server_ != nullptr) server_->Straighten(head_);
+  touched_ = absl::OkStatus();
   pixels_.assign(pixels.begin(), pixels.end());
   if (SDL_UpdateTexture(texture_, nullptr, pixels_.data(), head_.width * 4) != 0) {
     return SdlError("giving the picture to the renderer");
@@ -336,11 +340,12 @@ absl::Status SdlOutput::Draw(std::span<const uint32_t> pixels) {
   }
   RETURN_IF_ERROR(Pump());
   covered_ = false;
-  return absl::OkStatus();
+  return touched_;
 }
 
 absl::Status SdlOutput::Check() {
   RETURN_IF_ERROR(Pump());
+  RETURN_IF_ERROR(touched_);
   if (covered_ || (card_ != nullptr && card_->Picture() != picture_)) {
     return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT",
                  absl::StrCat("output ", head_.name,

@@ -73,6 +73,7 @@ class SdlOutput {
   uint32_t picture_ = 0;             // as the kernel numbers it: the one that was presented last
   bool stale_ = false;               // what was shown last may be gone from the screen
   bool covered_ = false;             // and was, since it was shown
+  absl::Status touched_;             // what others did to the way of its codes since
 };
 
 }  // namespace lightstage

@@ -101,40 +101,6 @@ absl::StatusOr<std::unique_ptr<X11Server>> X11Server::Connect(const std::string&
 
 X11Server::~X11Server() { XCloseDisplay(static_cast<Display*>(display_)); }
 
-std::vector<ColourEntry> X11Server::Gamma(uint64_t crtc) const {
-  std::vector<ColourEntry> table;
-  XRRCrtcGamma* gamma = XRRGetCrtcGamma(static_cast<Display*>(display_), crtc);
-  if (gamma == nullptr) return table;
-  for (int i = 0; i < gamma->size; ++i) {
-    table.push_back({gamma->red[i], gamma->green[i], gamma->blue[i]});
-  }
-  XRRFreeGamma(gamma);
-  return table;
-}
-
-void X11Server::SetGamma(uint64_t crtc, const std::vector<ColourEntry>& table) {
-  XRRCrtcGamma* gamma = XRRAllocGamma(static_cast<int>(table.size()));
-  if (gamma == nullptr) return;
-  for (size_t i = 0; i < table.size(); ++i) {
-    gamma->red[i] = table[i][0];
-    gamma->green[i] = table[i][1];
-    gamma->blue[i] = table[i][2];
-  }
-  XRRSetCrtcGamma(static_cast<Display*>(display_), crtc, gamma);
-  XRRFreeGamma(gamma);
-}
-
-void X11Server::Straighten(const Head& head) {
-  std::vector<ColourEntry> table = Gamma(head.crtc);
-  if (table.size() < 2) return;
-  for (size_t i = 0; i < table.size(); ++i) {
-    const uint16_t entry = StraightEntry(i, table.size());
-    table[i] = {entry, entry, entry};
-  }
-  SetGamma(head.crtc, table);
-  straightened_ = true;
-}
-
 std::vector<Head> X11Server::Heads() {
   auto* display = static_cast<Display*>(display_);
   std::vector<Head> heads;
@@ -174,19 +140,48 @@ std::vector<Head> X11Server::Heads() {
   return heads;
 }
 
+std::vector<ColourEntry> X11Server::Gamma(uint64_t crtc) const {
+  std::vector<ColourEntry> table;
+  XRRCrtcGamma* gamma = XRRGetCrtcGamma(static_cast<Display*>(display_), crtc);
+  if (gamma == nullptr) return table;
+  for (int i = 0; i < gamma->size; ++i) {
+    table.push_back({gamma->red[i], gamma->green[i], gamma->blue[i]});
+  }
+  XRRFreeGamma(gamma);
+  return table;
+}
+
+void X11Server::Straighten(const Head& head) {
+  const std::vector<ColourEntry> table = Gamma(head.crtc);
+  if (table.size() < 2 || IsStraight(table)) return;
+  XRRCrtcGamma* gamma = XRRAllocGamma(static_cast<int>(table.size()));
+  if (gamma == nullptr) return;
+  for (size_t i = 0; i < table.size(); ++i) {
+    gamma->red[i] = gamma->green[i] = gamma->blue[i] = StraightEntry(i, table.size());
+  }
+  XRRSetCrtcGamma(static_cast<Display*>(display_), head.crtc, gamma);
+  XRRFreeGamma(gamma);
+}
+
+void X11Server::KeepAwake() {
+  auto* display = static_cast<Display*>(display_);
+  int event = 0, error = 0;
+  CARD16 level = DPMSModeOn;
+  BOOL enabled = False;
+  if (!DPMSQueryExtension(display, &event, &error) || !DPMSCapable(display) ||
+      !DPMSInfo(display, &level, &enabled) || !enabled) {
+    return;
+  }
+  DPMSForceLevel(display, DPMSModeOn);
+  DPMSDisable(display);
+}
+
 absl::Status X11Server::Check(const Head& head) {
   for (const Head& now : Heads()) {
     if (now.output != head.output) continue;
     if (now.width == head.width && now.height == head.height && now.x == head.x &&
         now.y == head.y && now.mode == head.mode && now.crtc == head.crtc && now.altered.empty()) {
-      RETURN_IF_ERROR(CheckNoCompositor(head));
-      RETURN_IF_ERROR(CheckAwake(head));
-      if (!straightened_ || IsStraight(Gamma(head.crtc))) return absl::OkStatus();
-      return Error(absl::StatusCode::kFailedPrecondition, "DISPLAY_GAMMA",
-                   absl::StrCat("output ", head.name,
-                                ": another program has given it a gamma table that changes the "
-                                "codes of patterns (night light, colour management, xgamma)"),
-                   {{"output", head.name}});
+      return CheckAwake(head);
     }
     const std::string was = Text(head), is = Text(now);
     return Error(absl::StatusCode::kFailedPrecondition, "DISPLAY_CHANGED",
@@ -198,20 +193,29 @@ absl::Status X11Server::Check(const Head& head) {
                {{"output", head.name}});
 }
 
-absl::Status X11Server::CheckNoCompositor(const Head& head) {
+absl::Status X11Server::CheckUntouched(const Head& head) {
   auto* display = static_cast<Display*>(display_);
-  // By whom it is owned who redraws all windows (freedesktop.org, Extended Window Manager Hints, _NET_WM_CM_Sn).
-  const std::string name = absl::StrCat("_NET_WM_CM_S", DefaultScreen(display));
-  if (XGetSelectionOwner(display, XInternAtom(display, name.c_str(), False)) == 0 &&
-      !HasProperty(display, head.output,
-                   "RANDR Emulation")) {  // Xwayland's, below which there is one
+  const auto touched = [&](const std::string& what) {
+    return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_FAULT",
+                 absl::StrCat("output ", head.name, ": ", what), {{"output", head.name}});
+  };
+  const std::vector<ColourEntry> table = Gamma(head.crtc);
+  if (table.size() >= 2 && !IsStraight(table)) {
+    return touched(
+        "another program has given it a gamma table that changes the codes of patterns (night "
+        "light, colour management, xgamma)");
+  }
+  // Whoever redraws all windows owns this selection (freedesktop.org, Extended Window Manager Hints, _NET_WM_CM_Sn); below Xwayland, which tells
+  // of itself by this property, there always is one.
+  const std::string selection = absl::StrCat("_NET_WM_CM_S", DefaultScreen(display));
+  if (XGetSelectionOwner(display, XInternAtom(display, selection.c_str(), False)) == 0 &&
+      !HasProperty(display, head.output, "RANDR Emulation")) {
     return absl::OkStatus();
   }
-  return Error(absl::StatusCode::kFailedPrecondition, "DEVICE_UNSUITABLE",
-               absl::StrCat("on the X server ", XDisplayString(display),
-                            " runs a compositor, which draws windows when and as it likes: end it, "
-                            "give the projector an X server of its own, or use backend = "
-                            "\"kmsdrm\""));
+  return touched(absl::StrCat("on the X server ", XDisplayString(display),
+                              " runs a compositor, which draws windows when and as it likes: end "
+                              "it, give the projector an X server of its own, or use backend = "
+                              "\"kmsdrm\""));
 }
 
 absl::Status X11Server::CheckAwake(const Head& head) {

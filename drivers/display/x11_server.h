@@ -24,25 +24,29 @@ class X11Server {
 
   std::vector<Head> Heads();
 
-  // Gives `head` a gamma table that leaves codes as they are. It keeps it: giving back what it had before would take it from who opens next.
+  // Wakes the outputs and keeps them awake (DPMS).
+  void KeepAwake();
+
+  // Gives `head` a gamma table that leaves codes as they are, if it has another. It keeps it: giving back what it had before would take it from who
+  // opens next.
   void Straighten(const Head& head);
 
-  // That `head` is as it was and lit: UNAVAILABLE / DEVICE_LOST, FAILED_PRECONDITION / DISPLAY_CHANGED naming both modes, or DISPLAY_GAMMA if another
-  // program has changed its table since Straighten(); DEVICE_UNSUITABLE if a compositor has come.
+  // That `head` is as it was and lit: UNAVAILABLE / DEVICE_LOST, FAILED_PRECONDITION / DISPLAY_CHANGED naming both modes.
   absl::Status Check(const Head& head);
+
+  // That codes and pixels come out of it as they are, by nobody else's hand: FAILED_PRECONDITION / DEVICE_FAULT if its gamma table is not straight or a
+  // compositor is there.
+  absl::Status CheckUntouched(const Head& head);
 
   // That the X screen shows `pixels` (0x00RRGGBB) where `head` looks: FAILED_PRECONDITION / DEVICE_FAULT naming the first pixel that differs.
   absl::Status CheckPixels(const Head& head, std::span<const uint32_t> pixels);
 
  private:
   explicit X11Server(void* display) : display_(display) {}
-  absl::Status CheckNoCompositor(const Head& head);
   absl::Status CheckAwake(const Head& head);
   std::vector<ColourEntry> Gamma(uint64_t crtc) const;  // empty if it has none
-  void SetGamma(uint64_t crtc, const std::vector<ColourEntry>& table);
 
   void* const display_;  // Xlib's Display, whose header is full of macros
-  bool straightened_ = false;
 };
 
 }  // namespace lightstage

@@ -117,8 +117,10 @@ absl::Status Link::WakeUp() {
   absl::Status awake = controller_->Write(kPower, std::array<uint8_t, 1>{0});
   while (ErrorReason(awake) != "DEVICE_LOST" && clock_.Now() < give_up) {
     const absl::StatusOr<std::vector<uint8_t>> power = controller_->Read(kPower, 1);
-    if (power.ok() && (*power)[0] == 0) return AwaitHealth(false, give_up - clock_.Now());
-    awake = power.ok() ? Fault("it stays in standby") : power.status();
+    awake = !power.ok()              ? power.status()
+            : ((*power)[0] & 1) != 0 ? Fault("it stays in standby")
+                                     : CheckHealth(false);
+    if (awake.ok()) return awake;
     std::this_thread::sleep_for(milliseconds(20));
   }
   return awake;
@@ -235,9 +237,10 @@ absl::Status Link::ShowStored(const Pattern& pattern) {
   entry.black = options_.trigger_in != 0;
   entry.swap = true;  // loads the image
   RETURN_IF_ERROR(controller_->SetSequence(static_cast<uint8_t>(where.image), entry));
-  RETURN_IF_ERROR(controller_->Set(kLedEnable, {kLedsBySequencer}));
+  // Light last: what is waited for until then is not lit.
   RETURN_IF_ERROR(controller_->Set(kStartStop, {kStart}));
   RETURN_IF_ERROR(AwaitHealth(true, kStarts));
+  RETURN_IF_ERROR(controller_->Set(kLedEnable, {kLedsBySequencer}));
   // The first one may have begun with the image before.
   std::this_thread::sleep_for(std::chrono::microseconds(options_.period_us));
   return CheckHealth(true);

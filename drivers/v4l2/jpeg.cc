@@ -74,13 +74,15 @@ absl::StatusOr<std::vector<std::byte>> DecodeJpeg(std::span<const std::byte> byt
   std::vector<std::byte> out(static_cast<size_t>(width) * height * SamplesPerPixel(format));
   const std::string why = DecodeStrictly(decoder.get(), bytes, width, height, format, out);
   if (why.empty()) return out;
-  // Some cameras fill up with zeros before the end marker. Without them it must be whole; a zero may be the picture's own, and two.
+  // Some cameras fill up with zeros before the end marker: without them it must be whole. The last byte of a picture's own is filled up with ones
+  // (T.81, F.1.2.3), so that a zero is its own if it is the one that follows every FF, and else only where all eight bits are of its code: that
+  // can not be told from a byte that was lost, and is refused.
   const size_t marker = EndMarkerOf(bytes);
   size_t data = marker;
   while (data > 0 && marker < bytes.size() && bytes[data - 1] == std::byte{}) --data;
-  for (size_t kept = 0; kept <= 2 && data + kept < marker; ++kept) {
-    std::vector<std::byte> trimmed(bytes.begin(),
-                                   bytes.begin() + static_cast<ptrdiff_t>(data + kept));
+  if (data > 0 && data < marker && bytes[data - 1] == std::byte{0xff}) ++data;
+  if (data < marker) {
+    std::vector<std::byte> trimmed(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(data));
     trimmed.insert(trimmed.end(), bytes.begin() + static_cast<ptrdiff_t>(marker), bytes.end());
     if (DecodeStrictly(decoder.get(), trimmed, width, height, format, out).empty()) return out;
   }

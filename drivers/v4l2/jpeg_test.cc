@@ -12,6 +12,7 @@
 #include <functional>
 #include <sstream>
 
+#include "absl/strings/str_cat.h"
 #include "base/status.h"
 #include "drivers/v4l2/fake_system.h"
 #include "drivers/v4l2/photographer.h"
@@ -165,14 +166,16 @@ TEST(Jpeg, ZerosInPlaceOfItsTailAreNoPadding) {
     };
     const std::vector<uint8_t> jpeg = Encode(320, 240, noisy, subsampling);
     ASSERT_TRUE(Decode(jpeg, 320, 240, PixelFormat::kRGB8).ok());
-    for (double lost : {0.5, 0.1, 0.01}) {
+    const auto size = static_cast<ptrdiff_t>(jpeg.size());
+    for (ptrdiff_t lost :
+         {size / 2, size / 10, size / 100, ptrdiff_t{40}, ptrdiff_t{17}, ptrdiff_t{8}, ptrdiff_t{6},
+          ptrdiff_t{5}, ptrdiff_t{4}, ptrdiff_t{3}, ptrdiff_t{2}, ptrdiff_t{1}}) {
       std::vector<uint8_t> zeros = jpeg;
-      const auto count = static_cast<ptrdiff_t>(lost * static_cast<double>(jpeg.size()));
-      std::fill(zeros.end() - count, zeros.end() - 2, 0);
-      for (size_t more : {0, 5000}) {
-        zeros.insert(zeros.end() - 2, more, 0);
-        ExpectIncomplete(zeros, 320, 240);
-      }
+      std::fill(zeros.end() - 2 - lost, zeros.end() - 2, 0);
+      zeros.insert(zeros.end() - 2, 5000, 0);
+      SCOPED_TRACE(
+          absl::StrCat(lost, " bytes of ", size, ", subsampling ", static_cast<int>(subsampling)));
+      ExpectIncomplete(zeros, 320, 240);
     }
   }
 }

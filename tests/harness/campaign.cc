@@ -37,7 +37,7 @@ bool HadAFault(std::string_view log, const std::string& device) {
   return log.find(device + ": fault on purpose: ") != std::string_view::npos;
 }
 
-// What is said to be lit, or not known to be dark although the device had no fault; a lamp of which nobody knows has no number.
+// What is said to be lit, or not known to be dark although the device had no fault lately; a lamp of which nobody knows has no number.
 std::string StillLit(const Json& state, std::string_view log) {
   for (const Json& lamp : state.value("lamps", Json::array())) {
     const Json level = lamp.value("level", Json(0));
@@ -63,7 +63,7 @@ void ExpectGoodPause(const Json& run, const Json& state, const std::string& log,
   EXPECT_TRUE(named) << "names no device that had a fault: " << run["reason"].dump() << "\n"
                      << since;
   EXPECT_NE(run["reason"].value("reason", ""), "");
-  EXPECT_EQ(StillLit(state, log), "") << "paused, but lit: " << run["reason"].dump();
+  EXPECT_EQ(StillLit(state, since), "") << "paused, but lit: " << run["reason"].dump();
 }
 
 void PrintCounts(const char* what, const std::map<std::string, size_t>& counts) {

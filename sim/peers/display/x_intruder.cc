@@ -43,6 +43,12 @@ void XIntruder::Uncover() {
   XSync(Of(display_), False);
 }
 
+void XIntruder::PaintRoot() {
+  XSetWindowBackground(Of(display_), DefaultRootWindow(Of(display_)), 0xffffff);
+  XClearWindow(Of(display_), DefaultRootWindow(Of(display_)));
+  XSync(Of(display_), False);
+}
+
 void XIntruder::PoseAsCompositor(bool pose) {
   if (window_ == 0) {
     window_ =

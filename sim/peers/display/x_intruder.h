@@ -18,6 +18,7 @@ class XIntruder {
   void Cover();
   void Raise();
   void Uncover();
+  void PaintRoot();  // white
   // Owns the selection that compositors own.
   void PoseAsCompositor(bool pose);
   // The gamma table of the first output's crtc becomes x ^ exponent; all of its reds.

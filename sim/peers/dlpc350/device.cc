@@ -104,15 +104,16 @@ void Dlpc350Device::SetSlowness(Duration slow) {
 }
 
 void Dlpc350Device::ComeIntoForceLocked() {
+  const Steady::time_point now = Steady::now();
   for (const auto& [code, change] : to_come_) {
-    if (Steady::now() < change.first) continue;
+    if (now < change.first) continue;
     if (code == kPower) {
       standby_ = false;
     } else {
       settings_[code] = change.second;
     }
   }
-  std::erase_if(to_come_, [](const auto& change) { return Steady::now() >= change.second.first; });
+  std::erase_if(to_come_, [&](const auto& change) { return now >= change.second.first; });
   LightLocked();
 }
 
