@@ -304,7 +304,7 @@ absl::Status SdlOutput::Pump() {
 }
 
 absl::Status SdlOutput::Show(std::span<const uint32_t> pixels) {
-  const absl::Status ready = Pump();
+  absl::Status ready = Pump();
   // Whatever is wrong: what is to be black is drawn.
   const bool black = std::all_of(pixels.begin(), pixels.end(), [](uint32_t p) { return p == 0; });
   if (!ready.ok() && !black) return ready;

@@ -74,7 +74,7 @@ void XIntruder::SetGamma(double exponent) {
 
 std::vector<uint16_t> XIntruder::Gamma() {
   XRRCrtcGamma* gamma = XRRGetCrtcGamma(Of(display_), FirstCrtc(Of(display_)));
-  const std::vector<uint16_t> reds(gamma->red, gamma->red + gamma->size);
+  std::vector<uint16_t> reds(gamma->red, gamma->red + gamma->size);
   XRRFreeGamma(gamma);
   return reds;
 }
