@@ -1,10 +1,17 @@
 #include "drivers/link/device_thread.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
 
 namespace lightstage {
+namespace {
+
+constexpr Duration kLongCall = std::chrono::seconds(5);
+
+}  // namespace
 
 absl::Status DeviceThread::CheckClock(const DeviceContext& context) {
   if (!context.clock->is_virtual()) return absl::OkStatus();
@@ -47,8 +54,20 @@ absl::Status DeviceThread::Call(absl::FunctionRef<absl::Status()> call) {
     changed_.SignalAll();
   });
   changed_.SignalAll();
-  while (!done) changed_.Wait(&mutex_);
+  AwaitLocked(done, "its driver's call");
   return status;
+}
+
+void DeviceThread::AwaitLocked(const bool& over, std::string_view what) {
+  const TimePoint begin = clock_.Now();
+  for (TimePoint next = begin + kLongCall; !over;) {
+    changed_.WaitFor(&mutex_,
+                     std::max<Duration>(next - clock_.Now(), std::chrono::milliseconds(1)));
+    if (over || clock_.Now() < next) continue;
+    spdlog::warn("{}: {} has not come back for {:.0f} s: is the device or its bus stuck?", name_,
+                 what, Seconds(next - begin));
+    next += kLongCall;
+  }
 }
 
 void DeviceThread::Track(std::shared_ptr<Outstanding> operation, TimePoint deadline,
@@ -81,6 +100,7 @@ void DeviceThread::Close() {
     MutexLock lock(&mutex_);
     quit_ = true;
     changed_.SignalAll();
+    AwaitLocked(ended_, "the call that it is to be closed after");
   }
   if (thread_.joinable()) thread_.join();
   std::vector<std::shared_ptr<Outstanding>> last;
@@ -107,7 +127,11 @@ void DeviceThread::Run() {
       timed_.erase(timed_.begin());
     }
     if (tasks_.empty()) {
-      if (quit_) return;
+      if (quit_) {
+        ended_ = true;
+        changed_.SignalAll();
+        return;
+      }
       if (timed_.empty()) {
         changed_.Wait(&mutex_);
       } else {

@@ -1,5 +1,5 @@
 // The thread of a device whose calls block. It alone talks to the device; deadlines fire outside it, on the rig's clock, so that a
-// device that does not answer never holds up a caller.
+// device that does not answer never holds up a caller. Only opening and closing wait for it; the log says so, again and again, if that is long.
 #pragma once
 
 #include <deque>
@@ -63,6 +63,8 @@ class DeviceThread {
 
  private:
   void Run();
+  // Until `over`.
+  void AwaitLocked(const bool& over, std::string_view what) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const std::string name_;
   Clock& clock_;
@@ -71,6 +73,7 @@ class DeviceThread {
   std::deque<Task> tasks_ ABSL_GUARDED_BY(mutex_);
   std::multimap<TimePoint, Task> timed_ ABSL_GUARDED_BY(mutex_);
   bool quit_ ABSL_GUARDED_BY(mutex_) = false;
+  bool ended_ ABSL_GUARDED_BY(mutex_) = false;
   std::vector<std::shared_ptr<Outstanding>> outstanding_ ABSL_GUARDED_BY(mutex_);
   std::thread thread_;
 };

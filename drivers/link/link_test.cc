@@ -1,11 +1,16 @@
 // The contracts that drivers/link keeps, over links to devices that are only thought.
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ringbuffer_sink.h>
+#include <spdlog/spdlog.h>
 
+#include <atomic>
 #include <cmath>
+#include <thread>
 
 #include "absl/functional/function_ref.h"
 #include "drivers/conformance/fixtures.h"
 #include "drivers/link/axis_link.h"
+#include "drivers/link/device_thread.h"
 #include "drivers/link/light_link.h"
 
 namespace lightstage {
@@ -583,6 +588,39 @@ TEST(StuckLink, OfAProjectorIsToldAtTheDeadline) {
                              [&](TimePoint deadline, Completion<ProjectorState> done) {
                                projector->Black(deadline, std::move(done));
                              });
+}
+
+TEST(StuckLink, InOpeningOrClosingIsLogged) {
+  const auto sink = std::make_shared<spdlog::sinks::ringbuffer_sink_mt>(64);
+  const std::shared_ptr<spdlog::logger> before = spdlog::default_logger();
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", sink));
+  RealClock clock;
+  DeviceThread thread("lamps", clock);
+  std::atomic<bool> stuck = true;
+  const auto hang = [&] {
+    while (stuck) SleepFor(clock, milliseconds(2));
+    return absl::OkStatus();
+  };
+  const auto until_logged = [&](const std::string& what) {
+    const TimePoint give_up = clock.Now() + seconds(30);
+    for (bool logged = false; !logged && clock.Now() < give_up;) {
+      SleepFor(clock, milliseconds(10));
+      for (const std::string& line : sink->last_formatted()) {
+        logged |= line.find(what) != std::string::npos;
+      }
+    }
+    stuck = false;
+    return clock.Now() < give_up;
+  };
+  std::thread opens([&] { EXPECT_TRUE(thread.Call(hang).ok()); });
+  EXPECT_TRUE(until_logged("lamps: its driver's call has not come back for 5 s"));
+  opens.join();
+  stuck = true;
+  thread.Post([&] { hang().IgnoreError(); });
+  std::thread closes([&] { thread.Close(); });
+  EXPECT_TRUE(until_logged("closed after has not come back for 5 s"));
+  closes.join();
+  spdlog::set_default_logger(before);
 }
 
 }  // namespace
