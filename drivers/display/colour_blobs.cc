@@ -19,6 +19,7 @@ bool IsStraight(std::span<const ColourEntry> table) {
 
 bool IsStraightBlob(std::span<const std::byte> blob) {
   std::vector<ColourEntry> table(blob.size() / sizeof(ColourEntry));
+  if (table.empty()) return false;
   std::memcpy(table.data(), blob.data(), table.size() * sizeof(ColourEntry));
   return IsStraight(table);
 }
