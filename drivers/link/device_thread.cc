@@ -60,7 +60,8 @@ absl::Status DeviceThread::Call(absl::FunctionRef<absl::Status()> call) {
 
 void DeviceThread::AwaitLocked(const bool& over, std::string_view what) {
   const TimePoint begin = clock_.Now();
-  for (TimePoint next = begin + kLongCall; !over;) {
+  TimePoint next = begin + kLongCall;
+  while (!over) {
     changed_.WaitFor(&mutex_,
                      std::max<Duration>(next - clock_.Now(), std::chrono::milliseconds(1)));
     if (over || clock_.Now() < next) continue;
