@@ -32,11 +32,18 @@ RigGeometry Geometry(int width, int height) {
   return geometry;
 }
 
+// One that no other test takes, also when its server has ended.
+std::string OwnDisplay() {
+  static int made = 0;
+  return absl::StrCat(":", 1000 + (getpid() * 8 + made++ % 8) % 50000);
+}
+
 struct Rig {
   explicit Rig(std::string options = "renderer = \"software\"\n", int width = kWidth,
                int height = kHeight, bool cursor = false)
       : geometry(Geometry(width, height)), keys(std::move(options)) {
-    absl::StatusOr<XvfbProcess> started = XvfbProcess::Start({kWidth, kHeight, cursor, ""});
+    absl::StatusOr<XvfbProcess> started =
+        XvfbProcess::Start({kWidth, kHeight, cursor, OwnDisplay()});
     EXPECT_TRUE(started.ok()) << started.status();
     if (started.ok()) xvfb.emplace(*std::move(started));
   }
