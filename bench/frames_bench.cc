@@ -32,10 +32,10 @@
 #include "base/memory.h"
 #include "base/status.h"
 #include "bench/percentiles.h"
+#include "bench/video_system.h"
 #include "drivers/aravis/driver.h"
 #include "drivers/conformance/private_network.h"
 #include "drivers/v4l2/v4l2_camera.h"
-#include "drivers/v4l2/v4l2_device.h"
 
 namespace lightstage::bench {
 namespace {
@@ -292,39 +292,19 @@ absl::Status CompareAravis() {
 
 // ---- v4l2
 
-// The kernel's nodes, with a count of the frames that were taken from them.
-class CountingDevice final : public VideoDevice {
+// Counts the frames that were taken from it.
+class CountingDevice final : public ForwardingDevice {
  public:
   CountingDevice(std::unique_ptr<VideoDevice> device, std::atomic<int>& frames)
-      : device_(std::move(device)), frames_(frames) {}
+      : ForwardingDevice(std::move(device)), frames_(frames) {}
   int Ioctl(unsigned long request, void* argument) override {
-    const int error = device_->Ioctl(request, argument);
+    const int error = ForwardingDevice::Ioctl(request, argument);
     if (request == VIDIOC_DQBUF && error == 0) ++frames_;
     return error;
   }
-  int Map(size_t length, off_t offset, std::span<std::byte>* memory) override {
-    return device_->Map(length, offset, memory);
-  }
-  void Unmap(std::span<std::byte> memory) override { device_->Unmap(memory); }
-  Readiness Wait(Duration timeout, int wake_fd) override { return device_->Wait(timeout, wake_fd); }
 
  private:
-  const std::unique_ptr<VideoDevice> device_;
   std::atomic<int>& frames_;
-};
-
-class CountingSystem final : public VideoSystem {
- public:
-  std::vector<std::string> Paths() override { return V4l2System::Instance().Paths(); }
-  int Open(const std::string& path, std::unique_ptr<VideoDevice>* device) override {
-    const int error = V4l2System::Instance().Open(path, device);
-    if (error == 0) *device = std::make_unique<CountingDevice>(std::move(*device), frames);
-    return error;
-  }
-  std::string HoldersOf(const std::string& path) override {
-    return V4l2System::Instance().HoldersOf(path);
-  }
-  std::atomic<int> frames{0};
 };
 
 struct VideoSource {
@@ -352,7 +332,7 @@ absl::StatusOr<Run> V4l2Ctl(const VideoSource& source, int run_s) {
 absl::StatusOr<Run> ShootV4l2(const VideoSource& source, std::optional<Duration> latency,
                               int run_s) {
   RealClock clock;
-  CountingSystem system;
+  TalliedSystem<CountingDevice, std::atomic<int>> system;
   V4l2Options options;
   options.device = source.node;
   options.frames_per_s = source.rate;
@@ -364,7 +344,7 @@ absl::StatusOr<Run> ShootV4l2(const VideoSource& source, std::optional<Duration>
       Run run, Shoot(*camera, clock,
                      {PixelFormat::kMono8, source.width, source.height, camera->info().min_gain_db},
                      milliseconds(1), seconds(run_s)));
-  run.received = system.frames;
+  run.received = system.tally;
   return run;
 }
 

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "bench/video_system.h"
 #include "drivers/v4l2/v4l2_camera.h"
-#include "drivers/v4l2/v4l2_device.h"
 
 namespace lightstage::bench {
 namespace {
@@ -17,38 +17,18 @@ struct Noted {
   std::vector<std::byte> argument;
 };
 
-class NotingDevice final : public VideoDevice {
+class NotingDevice final : public ForwardingDevice {
  public:
   NotingDevice(std::unique_ptr<VideoDevice> device, std::vector<Noted>& noted)
-      : device_(std::move(device)), noted_(noted) {}
+      : ForwardingDevice(std::move(device)), noted_(noted) {}
   int Ioctl(unsigned long request, void* argument) override {
     const auto* const bytes = static_cast<const std::byte*>(argument);
     noted_.push_back({request, {bytes, bytes + _IOC_SIZE(request)}});
-    return device_->Ioctl(request, argument);
+    return ForwardingDevice::Ioctl(request, argument);
   }
-  int Map(size_t length, off_t offset, std::span<std::byte>* memory) override {
-    return device_->Map(length, offset, memory);
-  }
-  void Unmap(std::span<std::byte> memory) override { device_->Unmap(memory); }
-  Readiness Wait(Duration timeout, int wake_fd) override { return device_->Wait(timeout, wake_fd); }
 
  private:
-  const std::unique_ptr<VideoDevice> device_;
   std::vector<Noted>& noted_;
-};
-
-class NotingSystem final : public VideoSystem {
- public:
-  std::vector<std::string> Paths() override { return V4l2System::Instance().Paths(); }
-  int Open(const std::string& path, std::unique_ptr<VideoDevice>* device) override {
-    const int error = V4l2System::Instance().Open(path, device);
-    if (error == 0) *device = std::make_unique<NotingDevice>(std::move(*device), noted);
-    return error;
-  }
-  std::string HoldersOf(const std::string& path) override {
-    return V4l2System::Instance().HoldersOf(path);
-  }
-  std::vector<Noted> noted;
 };
 
 absl::StatusOr<std::shared_ptr<Camera>> OpenCamera(Stage& stage, VideoSystem& system,
@@ -72,13 +52,13 @@ Call Configures(Stage& stage, std::shared_ptr<Camera> camera) {
 
 absl::Status MeasureV4l2(Stage& stage, const std::string& node) {
   // What the command is in ioctls is noted once.
-  NotingSystem system;
+  TalliedSystem<NotingDevice, std::vector<Noted>> system;
   {
     ASSIGN_OR_RETURN(std::shared_ptr<Camera> camera, OpenCamera(stage, system, node));
-    system.noted.clear();
+    system.tally.clear();
     RETURN_IF_ERROR(Configures(stage, camera)());
   }
-  const std::vector<Noted> configure = std::exchange(system.noted, {});
+  const std::vector<Noted> configure = std::exchange(system.tally, {});
   const std::string command = absl::StrCat("Configure, ", configure.size(), " ioctls");
   return stage.Print(
       {.driver = "v4l2, vivid",

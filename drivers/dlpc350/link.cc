@@ -196,10 +196,10 @@ absl::Status Link::CheckHealth(bool light) {
   return absl::OkStatus();
 }
 
-absl::Status Link::AwaitHealth(bool light, Duration patience) {
-  const TimePoint give_up = clock_.Now() + patience;
+absl::Status Link::AwaitRunning() {
+  const TimePoint give_up = clock_.Now() + kStarts;
   while (true) {
-    absl::Status health = CheckHealth(light);
+    absl::Status health = CheckHealth(true);
     if (health.ok() || ErrorReason(health) != "DEVICE_FAULT" || clock_.Now() >= give_up) {
       return health;
     }
@@ -239,7 +239,7 @@ absl::Status Link::ShowStored(const Pattern& pattern) {
   RETURN_IF_ERROR(controller_->SetSequence(static_cast<uint8_t>(where.image), entry));
   // Light last: what is waited for until then is not lit.
   RETURN_IF_ERROR(controller_->Set(kStartStop, {kStart}));
-  RETURN_IF_ERROR(AwaitHealth(true, kStarts));
+  RETURN_IF_ERROR(AwaitRunning());
   RETURN_IF_ERROR(controller_->Set(kLedEnable, {kLedsBySequencer}));
   // The first one may have begun with the image before.
   std::this_thread::sleep_for(std::chrono::microseconds(options_.period_us));
@@ -260,7 +260,7 @@ absl::Status Link::ShowOnScreen(const Pattern& pattern) {
 absl::Status Link::ShowVideo(const Pattern& pattern) {
   RETURN_IF_ERROR(ShowOnScreen(pattern));
   RETURN_IF_ERROR(controller_->Set(kLedEnable, {kLedsBySequencer}));
-  return AwaitHealth(true, kStarts);
+  return AwaitRunning();
 }
 
 }  // namespace lightstage::dlpc350

@@ -22,7 +22,8 @@ class Link final : public ProjectorLink {
   absl::Status Connect() override;
   ProjectorInfo info() const override;
   // DEVICE_FAULT also if the mirrors are parked, the sequencer stands, or an error flag is up; FAILED_PRECONDITION / PATTERN_NOT_STORED if the
-  // flash has no such pattern. Takes up to 3 s where stop and start come into force late; nothing is lit meanwhile. After an error the LEDs are off, unless the device is lost or silent.
+  // flash has no such pattern. Takes up to 3 s where stop and start come into force late; nothing is lit meanwhile.
+  // After an error the LEDs are off, unless the device is lost or silent.
   absl::Status Show(const Pattern& pattern) override;
   absl::Status Check() override;
 
@@ -38,7 +39,7 @@ class Link final : public ProjectorLink {
   absl::Status ShowOnScreen(const Pattern& pattern);
   // That it works, and runs if `light`.
   absl::Status CheckHealth(bool light);
-  absl::Status AwaitHealth(bool light, Duration patience);
+  absl::Status AwaitRunning();
   absl::Status Named(const absl::Status& status) const;
 
   const std::string name_;
