@@ -205,15 +205,15 @@ void V4l2Camera::DoTrigger(const std::shared_ptr<CameraShot>& shot) {
     spdlog::warn("{}: starting the stream anew, for it had {}", name_,
                  link_->streaming() ? "gone silent" : "ended");
     if (absl::Status status = Begin(); !status.ok()) {
-      shot->Fail(status);
+      active_ = shot;
       OnTrouble(status);
       return;
     }
   }
   active_.reset();
   if (absl::Status status = SetExposure(shot->exposure); !status.ok()) {
-    shot->Fail(status);
     if (ErrorReason(status) == "DEVICE_LOST") OnTrouble(status);
+    shot->Fail(status);
     return;
   }
   active_ = shot;

@@ -449,6 +449,27 @@ TEST_F(V4l2FaultsTest, ManyLossesLeaveNothingBehind) {
   }
 }
 
+// A loss fails what was asked before it was told, not what whoever was told asks then.
+TEST_F(V4l2FaultsTest, ALossDoesNotFailWhatFollowsIt) {
+  for (const bool at_rest : {false, true}) {
+    Start();
+    if (at_rest) {  // it is noticed by starting the stream
+      fake_->BreakStream();
+      SleepFor(clock_, milliseconds(50));
+    }
+    fake_->Unplug();
+    Pending<CameraConfig> disarmed(clock_);
+    camera_->Trigger(
+        milliseconds(5), clock_.Now() + seconds(20), [](absl::StatusOr<ExposureEnd>) {},
+        [&](absl::StatusOr<Frame> frame) {
+          EXPECT_EQ(ErrorReason(frame.status()), "DEVICE_LOST");
+          camera_->Disarm(clock_.Now() + seconds(20), disarmed.sink());
+        });
+    const auto config = disarmed.Wait(clock_.Now() + seconds(30), "disarming");
+    EXPECT_TRUE(config.ok()) << at_rest << ": " << config.status();
+  }
+}
+
 TEST_F(V4l2FaultsTest, ClosingEndsWhateverTheCameraDoes) {
   Start();
   fake_->SetSilent(true);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <memory>
 #include <new>
@@ -230,40 +229,6 @@ absl::Status CheckPair(const Solid& a, const Solid& b, RTCDevice device) {
       {{"shape", a.name()}, {"other", b.name()}});
 }
 
-// One along which the solids are short against all of them together, so that few are abreast of each other: an axis, or one of a box.
-Vector3d SweepDirection(const std::vector<Solid>& solids) {
-  Eigen::Matrix<double, 3, 6> directions;
-  directions << Eigen::Matrix3d::Identity(), solids.front().box().axes;
-  int best = 0;
-  double least = std::numeric_limits<double>::infinity();
-  for (int d = 0; d < directions.cols(); ++d) {
-    double sum = 0, from = solids.front().box().From(directions.col(d)), to = from;
-    for (const Solid& solid : solids) {
-      const double begin = solid.box().From(directions.col(d)),
-                   end = solid.box().To(directions.col(d));
-      sum += end - begin;
-      from = std::min(from, begin);
-      to = std::max(to, end);
-    }
-    if (sum / (to - from) < least) least = sum / (to - from), best = d;
-  }
-  return directions.col(best);
-}
-
-absl::Status CheckPairs(const std::vector<Solid>& solids, RTCDevice device) {
-  if (solids.empty()) return absl::OkStatus();
-  const Vector3d direction = SweepDirection(solids);
-  std::vector<std::pair<double, const Solid*>> begins;
-  for (const Solid& solid : solids) begins.emplace_back(solid.box().From(direction), &solid);
-  std::sort(begins.begin(), begins.end());
-  for (size_t i = 0; i < begins.size(); ++i) {
-    const double end = begins[i].second->box().To(direction) + kLeastGap;
-    for (size_t j = i + 1; j < begins.size() && begins[j].first <= end; ++j)
-      RETURN_IF_ERROR(CheckPair(*begins[i].second, *begins[j].second, device));
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 absl::Status CheckFilled(const SceneDescription& description, RTCDevice device) {
@@ -290,7 +255,10 @@ absl::Status CheckFilled(const SceneDescription& description, RTCDevice device) 
     if (!material.has_inside()) continue;
     solids.emplace_back(ball, absl::StrCat("ball ", i), material.kind == Material::Kind::kMedium);
   }
-  return CheckPairs(solids, device);
+  std::vector<TurnedBox> boxes;
+  for (const Solid& solid : solids) boxes.push_back(solid.box());
+  return CheckPairs(boxes, kLeastGap,
+                    [&](size_t i, size_t j) { return CheckPair(solids[i], solids[j], device); });
 }
 
 }  // namespace lightstage::sim

@@ -3,8 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include <ctime>
+#include <algorithm>
 #include <random>
+#include <set>
 
 #include "sim/render/separation.h"
 #include "sim/render/shapes.h"
@@ -134,17 +135,64 @@ TEST(Filled, GoOnceAroundWhatIsInside) {
   EXPECT_TRUE(Build({Of(kClay, {cube, cube})}).ok());
 }
 
-// No pair by pair: their boxes along the axes all meet.
-TEST(Media, AreComparedQuickly) {
-  std::vector<Mesh> plates;
-  for (int i = 0; i < 4000; ++i) {
-    const float yaw = 0.6f, way = 75e-6f * static_cast<float>(i);
-    plates.push_back(
-        BoxOf(kFoam, way * Vec3f(-std::sin(yaw), std::cos(yaw), 0), {0.2f, 12.5e-6f, 0.05f}, yaw));
+// Plates whose boxes along the axes all meet: few pairs of them are looked at.
+TEST(Media, AreNotComparedAllWithAll) {
+  constexpr size_t kPlates = 4000;
+  std::vector<TurnedBox> plates;
+  const float yaw = 0.6f;
+  const Vec3f across(-std::sin(yaw), std::cos(yaw), 0);
+  for (size_t i = 0; i < kPlates; ++i) {
+    const Mesh plate = Box(75e-6f * static_cast<float>(i) * across, {0.2f, 12.5e-6f, 0.05f}, yaw);
+    plates.push_back(BoxAround(plate.vertices));
   }
-  const std::clock_t start = std::clock();
-  EXPECT_TRUE(Build(plates).ok());
-  EXPECT_LT(static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC, 10);
+  auto pairs = [&](double gap) {
+    size_t count = 0;
+    EXPECT_TRUE(CheckPairs(plates, gap, [&](size_t, size_t) {
+                  ++count;
+                  return absl::OkStatus();
+                }).ok());
+    return count;
+  };
+  EXPECT_LT(pairs(1e-5), kPlates);
+  EXPECT_GE(pairs(60e-6), kPlates - 1) << "each and the next";
+}
+
+// In all positions: none that come near are left out, and a no ends it.
+TEST(Separation, PairsThatComeNearAreChecked) {
+  std::mt19937 random(2);
+  std::uniform_real_distribution<float> part(-1, 1);
+  auto place = [&] { return Vec3f(part(random), part(random), part(random)); };
+  std::vector<TurnedBox> boxes;
+  for (int i = 0; i < 100; ++i) {
+    Eigen::Affine3f turn(
+        Eigen::AngleAxisf(3.0f * part(random), (place() + Vec3f(0, 0, 2)).normalized()));
+    turn.pretranslate(3 * place());
+    boxes.push_back(BoxAround(Transformed(Box(Vec3f::Zero(), {1.2f, 0.7f, 0.4f}), turn).vertices));
+  }
+  std::set<std::pair<size_t, size_t>> checked;
+  EXPECT_TRUE(CheckPairs(boxes, 1e-6, [&](size_t i, size_t j) {
+                EXPECT_TRUE(checked.insert(std::minmax(i, j)).second) << "twice";
+                return absl::OkStatus();
+              }).ok());
+  size_t near = 0;
+  for (size_t j = 0; j < boxes.size(); ++j) {
+    for (size_t i = 0; i < j; ++i) {
+      if (AreApart(boxes[i], boxes[j], 1e-6)) continue;
+      ++near;
+      EXPECT_TRUE(checked.count({i, j}));
+    }
+  }
+  EXPECT_GT(near, 50);
+  EXPECT_LT(checked.size(), 100 * 99 / 2);
+  int calls = 0;
+  EXPECT_EQ(CheckPairs(boxes, 1e-6,
+                       [&](size_t, size_t) {
+                         ++calls;
+                         return absl::AbortedError("no");
+                       })
+                .message(),
+            "no");
+  EXPECT_EQ(calls, 1);
 }
 
 // Boxes in all positions: separated by a plane are those whose triangles do not meet, unless one is within the other.

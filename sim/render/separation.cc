@@ -3,6 +3,10 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
+
+#include "base/status.h"
 
 namespace lightstage::sim {
 
@@ -123,6 +127,44 @@ bool AreApart(const TurnedBox& a, const TurnedBox& b, double gap) {
     }
   }
   return false;
+}
+
+namespace {
+
+// One along which the boxes are short against all of them together, so that few are abreast of each other: an axis, or one of a box.
+Vector3d SweepDirection(const std::vector<TurnedBox>& boxes) {
+  Eigen::Matrix<double, 3, 6> directions;
+  directions << Eigen::Matrix3d::Identity(), boxes.front().axes;
+  int best = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (int d = 0; d < directions.cols(); ++d) {
+    double sum = 0, from = boxes.front().From(directions.col(d)), to = from;
+    for (const TurnedBox& box : boxes) {
+      const double begin = box.From(directions.col(d)), end = box.To(directions.col(d));
+      sum += end - begin;
+      from = std::min(from, begin);
+      to = std::max(to, end);
+    }
+    if (sum / (to - from) < least) least = sum / (to - from), best = d;
+  }
+  return directions.col(best);
+}
+
+}  // namespace
+
+absl::Status CheckPairs(const std::vector<TurnedBox>& boxes, double gap,
+                        absl::FunctionRef<absl::Status(size_t, size_t)> check) {
+  if (boxes.empty()) return absl::OkStatus();
+  const Vector3d direction = SweepDirection(boxes);
+  std::vector<std::pair<double, size_t>> begins;
+  for (size_t i = 0; i < boxes.size(); ++i) begins.emplace_back(boxes[i].From(direction), i);
+  std::sort(begins.begin(), begins.end());
+  for (size_t i = 0; i < begins.size(); ++i) {
+    const double end = boxes[begins[i].second].To(direction) + gap;
+    for (size_t j = i + 1; j < begins.size() && begins[j].first <= end; ++j)
+      RETURN_IF_ERROR(check(begins[i].second, begins[j].second));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace lightstage::sim

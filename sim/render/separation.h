@@ -6,6 +6,9 @@
 #include <array>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+
 namespace lightstage::sim {
 
 using Triangle = std::array<Eigen::Vector3d, 3>;
@@ -38,5 +41,10 @@ TurnedBox Transformed(const TurnedBox& box, const Eigen::Affine3d& transform);
 
 // Whether a plane with more than `gap` between them separates them (Gottschalk, Lin, Manocha, "OBBTree", 1996).
 bool AreApart(const TurnedBox& a, const TurnedBox& b, double gap);
+
+// Calls `check` for the pairs of boxes that are not farther than `gap` from each other in one direction, in which few of them are, until
+// it says no. All that are not AreApart are among them.
+absl::Status CheckPairs(const std::vector<TurnedBox>& boxes, double gap,
+                        absl::FunctionRef<absl::Status(size_t, size_t)> check);
 
 }  // namespace lightstage::sim

@@ -391,11 +391,10 @@ TEST(SimGigeEvents, TheEndOfAnExposureIsToldBeforeItsFrame) {
       const auto shot = wired.TakeApart(milliseconds(20));
       if (absl::IsDataLoss(shot.frame.status())) continue;  // plain UDP on a busy machine
       ASSERT_TRUE(shot.frame.ok()) << shot.frame.status();
-      const Duration between = shot.frame_came - shot.ended_came;
       if (event) {
-        EXPECT_GE(between, milliseconds(300)) << "the frame was waited for";
+        EXPECT_GE(shot.frame_came - shot.ended_came, milliseconds(300)) << "it was waited for";
       } else {
-        EXPECT_LT(between, milliseconds(300));
+        EXPECT_GE(shot.ended_came - shot.triggered, milliseconds(620));
       }
       EXPECT_GE(shot.ended_came - shot.triggered, milliseconds(20)) << "not while it is exposed";
       EXPECT_GE(shot.ended_at - shot.triggered, milliseconds(20));
@@ -421,7 +420,7 @@ TEST(SimGigeEvents, AnotherFramesEventCountsForNothing) {
     const auto shot = wired.TakeApart(milliseconds(20));
     if (absl::IsDataLoss(shot.frame.status())) continue;  // plain UDP on a busy machine
     ASSERT_TRUE(shot.frame.ok()) << shot.frame.status();
-    EXPECT_LT(shot.frame_came - shot.ended_came, milliseconds(300));
+    EXPECT_GE(shot.ended_came - shot.triggered, milliseconds(620));
   }
   EXPECT_GE(wired.server().events_acknowledged(), 3);
 }
