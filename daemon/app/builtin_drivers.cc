@@ -22,7 +22,7 @@ std::shared_ptr<sim::Simulation> RegisterBuiltinDrivers(DriverRegistry& registry
   std::shared_ptr<sim::Simulation> simulation = sim::RegisterSimulatedDrivers(registry);
   sim::RegisterCanopenPeers(registry, simulation);
   sim::RegisterDisplayPeer(registry, simulation);
-  sim::RegisterDlpc350Peer(registry, simulation);
+  sim::RegisterDlpc350Peer(registry, simulation, sim::ParseServedDisplay);
   sim::RegisterDmxPeer(registry, simulation);
   sim::RegisterGigePeer(registry, simulation);
   sim::RegisterModbusPeers(registry, simulation);

@@ -1,5 +1,6 @@
-// Captures through wires that every machine has: Modbus TCP and a serial line for the axes and lamps, GigE Vision for the camera, an X server for
-// the projector. Those that need a kernel with buses are in wire_vm_test.cc.
+// Captures through wires that every machine has, or can have within the process: Modbus TCP and a serial line for the axes and lamps, GigE Vision for
+// the camera, an X server for the projector; a DMX USB Pro, and the LightCrafter that takes its patterns from the X server. Those that need
+// a kernel with buses are in wire_vm_test.cc.
 #include <string>
 
 #include "drivers/conformance/private_network.h"
@@ -43,12 +44,37 @@ TEST(Wire, ALightStageOverModbusAndGigEEqualsTheDirectOne) {
              {"light-stage", "--azimuths", "8"}, 320, 0.016);
 }
 
+TEST(Wire, ALightStageOverADmxUsbProEqualsTheDirectOne) {
+  TestFolder folder;
+  ExpectSame(folder, DirectRig(),
+             WithTable(WireRig(folder), "lamps",
+                       "driver = \"sim-dmx\"\nwidget = \"pro\"\nserial = \"LAMPS1\"\nslots = 80\n"
+                       "first_channel = 1\nlamp_count = 40\nbits = 16\nsettle_ms = 2\n"
+                       "[lamps.peer]\nwire = \"process\"\n"),
+             {"light-stage", "--azimuths", "8"}, 320, 0.016);
+}
+
+const std::vector<std::string> k4d = {
+    "projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8", "--influence", "1"};
+
 TEST(Wire, A4dCaptureOnADisplayEqualsTheDirectOne) {
   TestFolder folder;
-  ExpectSame(
-      folder, DirectRig(), WithTable(WireRig(folder), "projector", SimDisplay()),
-      {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8", "--influence", "1"},
-      64, 0.016);
+  ExpectSame(folder, DirectRig(), WithTable(WireRig(folder), "projector", SimDisplay()), k4d, 64,
+             0.016);
+}
+
+TEST(Wire, A4dCaptureOverADlpc350sVideoInputEqualsTheDirectOne) {
+  TestFolder folder;
+  const auto with_mirrors = [](const std::string& rig) {
+    return Replaced(rig, "width = 256\nheight = 192", "width = 912\nheight = 1140");
+  };
+  ExpectSame(folder, with_mirrors(DirectRig()),
+             WithTable(with_mirrors(WireRig(folder)), "projector",
+                       "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"video\"\n"
+                       "led_current = [100, 100, 100]\nled_current_limit = 150\n"
+                       "[projector.display]\n" +
+                           SimDisplayOutput() + "[projector.peer]\nwire = \"process\"\n"),
+             k4d, 64, 0.016);
 }
 
 }  // namespace

@@ -123,8 +123,10 @@ std::string SimGigeOptions(int packet_size) {
          std::to_string(packet_size) + "\n";
 }
 
-std::string SimDisplay() {
-  return "driver = \"sim-display\"\nx_display = \":" + std::to_string(10000 + getpid() % 50000) +
+std::string SimDisplay() { return "driver = \"sim-display\"\n" + SimDisplayOutput(); }
+
+std::string SimDisplayOutput() {
+  return "x_display = \":" + std::to_string(10000 + getpid() % 50000) +
          "\"\noutput = \"screen\"\nrenderer = \"software\"\n";
 }
 

@@ -39,6 +39,7 @@ constexpr char kSimGigePeer[] =
 
 // Rig keys of a projector on a display that no other test has.
 std::string SimDisplay();
+std::string SimDisplayOutput();  // without the driver's name
 
 // `rig` with another text in place of the table [name], its sub-tables apart.
 std::string WithTable(const std::string& rig, const std::string& name, const std::string& text);

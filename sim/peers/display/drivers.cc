@@ -46,7 +46,7 @@ class ServedDisplay final : public ServedProjector {
   DisplayProjector& projector_;
 };
 
-std::vector<FaultKind> Faults(DisplayProjector& projector) {
+std::vector<FaultKind> DisplayFaults(DisplayProjector& projector) {
   const auto said = [](const absl::Status& status) {
     if (!status.ok()) spdlog::error("the simulated projector's {}", MessageOf(status));
   };
@@ -59,8 +59,9 @@ std::vector<FaultKind> Faults(DisplayProjector& projector) {
            [&projector, said](bool on) { said(projector.ChangeMode(on)); }}};
 }
 
-DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simulation,
-                                       const TomlTable& table) {
+}  // namespace
+
+VideoOutput ParseServedDisplay(const TomlTable& table) {
   const std::string x_display = table.String("x_display");
   const bool numbered = x_display.size() > 1 && x_display.size() <= 6 && x_display[0] == ':' &&
                         x_display.find_first_not_of("0123456789", 1) == std::string::npos;
@@ -68,25 +69,31 @@ DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simula
     table.ErrorAt("x_display",
                   "must be \":\" and a number up to 65535: the simulated projector serves it");
   }
-  return [simulation, x_display, plan = ParseFaultPlan(table.Table("peer")),
+  return [x_display, plan = ParseFaultPlan(table.Table("peer")),
           connect = DisplayDriver().parse(table)](
-             const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Projector>> {
+             const DeviceContext& context,
+             VideoSink sink) mutable -> absl::StatusOr<std::unique_ptr<Projector>> {
     RETURN_IF_ERROR(CheckProjector(context));
-    ASSIGN_OR_RETURN(std::shared_ptr<World> world,
-                     simulation->OpenWorld(*context.geometry, *context.clock));
+    const ProjectorGeometry& mode = context.geometry->projector;
     auto served = std::make_shared<Served>();
-    ASSIGN_OR_RETURN(served->projector, DisplayProjector::Start(x_display, std::move(world)));
+    ASSIGN_OR_RETURN(served->projector,
+                     DisplayProjector::Start(x_display, mode.width, mode.height, std::move(sink)));
     ASSIGN_OR_RETURN(std::unique_ptr<Projector> device, connect(context));
-    served->faults = std::make_unique<FaultPlan>(context.name, plan, Faults(*served->projector));
+    served->faults =
+        std::make_unique<FaultPlan>(context.name, plan, DisplayFaults(*served->projector));
     return std::make_unique<ServedDisplay>(served, std::move(device));
   };
 }
 
-}  // namespace
-
 void RegisterDisplayPeer(DriverRegistry& registry, const std::shared_ptr<Simulation>& simulation) {
   registry.projectors[kName].parse = [simulation](const TomlTable& table) {
-    return ParseProjector(simulation, table);
+    return [simulation, open = ParseServedDisplay(table)](
+               const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Projector>> {
+      RETURN_IF_ERROR(CheckProjector(context));
+      ASSIGN_OR_RETURN(std::shared_ptr<World> world,
+                       simulation->OpenWorld(*context.geometry, *context.clock));
+      return open(context, LightOf(std::move(world)));
+    };
   };
 }
 

@@ -6,8 +6,12 @@
 
 #include "drivers/api/registry.h"
 #include "sim/rig/drivers.h"
+#include "sim/rig/video.h"
 
 namespace lightstage::sim {
+
+// The display driver on an output of its own, for whatever hangs on it. Its table is that of "sim-display".
+VideoOutput ParseServedDisplay(const TomlTable& table);
 
 // `simulation` is what RegisterSimulatedDrivers() returned for this registry.
 void RegisterDisplayPeer(DriverRegistry& registry, const std::shared_ptr<Simulation>& simulation);

@@ -18,9 +18,18 @@ uint8_t CodeOf(uint32_t pixel) {
 
 }  // namespace
 
+VideoSink LightOf(std::shared_ptr<World> world) {
+  return [world = std::move(world)](const PixelCodes& codes) {
+    const TimePoint now = world->clock().Now();
+    if (codes == nullptr) return world->EndProjector(now);
+    world->RampProjection(now, now, codes);
+  };
+}
+
 absl::StatusOr<std::unique_ptr<DisplayProjector>> DisplayProjector::Start(
-    const std::string& x_display, std::shared_ptr<World> world) {
-  std::unique_ptr<DisplayProjector> projector(new DisplayProjector(x_display, std::move(world)));
+    const std::string& x_display, int width, int height, VideoSink sink) {
+  std::unique_ptr<DisplayProjector> projector(
+      new DisplayProjector(x_display, width, height, std::move(sink)));
   absl::Status started;
   {
     MutexLock lock(&projector->mutex_);
@@ -31,8 +40,12 @@ absl::StatusOr<std::unique_ptr<DisplayProjector>> DisplayProjector::Start(
   return projector;
 }
 
-DisplayProjector::DisplayProjector(std::string x_display, std::shared_ptr<World> world)
-    : x_display_(std::move(x_display)), world_(std::move(world)), thread_([this] { Run(); }) {}
+DisplayProjector::DisplayProjector(std::string x_display, int width, int height, VideoSink sink)
+    : x_display_(std::move(x_display)),
+      width_(width),
+      height_(height),
+      sink_(std::move(sink)),
+      thread_([this] { Run(); }) {}
 
 DisplayProjector::~DisplayProjector() {
   {
@@ -41,7 +54,7 @@ DisplayProjector::~DisplayProjector() {
     changed_.SignalAll();
   }
   thread_.join();
-  world_->EndProjector(world_->clock().Now());
+  sink_(nullptr);
 }
 
 // The server ends with the thread that started it: this one starts all.
@@ -67,9 +80,7 @@ absl::Status DisplayProjector::Serve() {
   }
   if (ended_) server_.reset();
   if (ended_ || server_) return absl::OkStatus();
-  const ProjectorGeometry& geometry = world_->geometry().projector;
-  ASSIGN_OR_RETURN(XvfbProcess server,
-                   XvfbProcess::Start({geometry.width, geometry.height, false, x_display_}));
+  ASSIGN_OR_RETURN(XvfbProcess server, XvfbProcess::Start({width_, height_, false, x_display_}));
   server_.emplace(std::move(server));
   return absl::OkStatus();
 }
@@ -83,13 +94,12 @@ void DisplayProjector::ScanOutLocked() {
   std::span<const uint8_t> screen;
   if (server_ && signal_) screen = server_->screen();
   if (std::equal(screen.begin(), screen.end(), scanned_.begin(), scanned_.end())) return;
-  const TimePoint now = world_->clock().Now();
   scanned_.assign(screen.begin(), screen.end());
   const absl::StatusOr<XwdPicture> picture = ParseXwd(scanned_);
-  if (!picture.ok()) return world_->EndProjector(now);
+  if (!picture.ok()) return sink_(nullptr);
   std::vector<uint8_t> codes(picture->pixels.size());
   std::transform(picture->pixels.begin(), picture->pixels.end(), codes.begin(), CodeOf);
-  world_->RampProjection(now, now, std::make_shared<const std::vector<uint8_t>>(std::move(codes)));
+  sink_(std::make_shared<const std::vector<uint8_t>>(std::move(codes)));
 }
 
 void DisplayProjector::EndServer(bool on) {

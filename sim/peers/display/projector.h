@@ -1,5 +1,5 @@
-// A projector that hangs on an output of a graphics card: an X server of its own with a screen in memory, scanned out at the refresh rate
-// into the light of the simulated rig. What shines is what the pixels say, whoever drew them.
+// A projector that hangs on an output of a graphics card: an X server of its own with a screen in memory, scanned out at the refresh rate.
+// What shines is what the pixels say, whoever drew them.
 #pragma once
 
 #include <memory>
@@ -13,18 +13,22 @@
 #include "absl/status/statusor.h"
 #include "base/mutex.h"
 #include "sim/peers/display/xvfb_process.h"
-#include "sim/rig/world.h"
+#include "sim/rig/video.h"
 
 namespace lightstage::sim {
 
-// Thread-safe. The world must be on real time.
+// The light of the simulated rig's projector.
+VideoSink LightOf(std::shared_ptr<World> world);
+
+// Thread-safe.
 class DisplayProjector {
  public:
   static constexpr double kRefreshHz = 60;
 
-  // Serves `x_display` (":7"), whose one output, "screen", has the mode of the rig's projector. Errors as XvfbProcess::Start.
+  // Serves `x_display` (":7"), whose one output, "screen", has this mode. Errors as XvfbProcess::Start.
   static absl::StatusOr<std::unique_ptr<DisplayProjector>> Start(const std::string& x_display,
-                                                                 std::shared_ptr<World> world);
+                                                                 int width, int height,
+                                                                 VideoSink sink);
   // Dark.
   ~DisplayProjector();
   DisplayProjector(const DisplayProjector&) = delete;
@@ -41,7 +45,7 @@ class DisplayProjector {
   absl::Status ChangeMode(bool on);
 
  private:
-  DisplayProjector(std::string x_display, std::shared_ptr<World> world);
+  DisplayProjector(std::string x_display, int width, int height, VideoSink sink);
   void Run();
   // A server, if there is to be one and is none.
   absl::Status Serve() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -50,7 +54,8 @@ class DisplayProjector {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const std::string x_display_;
-  const std::shared_ptr<World> world_;
+  const int width_, height_;
+  const VideoSink sink_;
   Mutex mutex_;
   CondVar changed_;
   bool quit_ ABSL_GUARDED_BY(mutex_) = false;

@@ -26,7 +26,7 @@ struct Bench {
     geometry.projector.width = kWidth;
     geometry.projector.height = kHeight;
     world = *World::Create({}, geometry, clock);
-    auto started = DisplayProjector::Start(kDisplay, world);
+    auto started = DisplayProjector::Start(kDisplay, kWidth, kHeight, LightOf(world));
     EXPECT_TRUE(started.ok()) << started.status();
     if (started.ok()) projector = *std::move(started);
   }
@@ -120,7 +120,8 @@ TEST(DisplayProjector, IsDarkWithoutAServerUntilThereIsAnother) {
 
 TEST(DisplayProjector, ADisplayThatIsServedAlreadyIsRefused) {
   Bench bench;
-  const absl::Status second = DisplayProjector::Start(kDisplay, bench.world).status();
+  const absl::Status second =
+      DisplayProjector::Start(kDisplay, kWidth, kHeight, LightOf(bench.world)).status();
   EXPECT_EQ(ErrorReason(second), "PEER_NOT_STARTED") << second;
   EXPECT_NE(second.message().find(kDisplay), std::string_view::npos) << second;
 }

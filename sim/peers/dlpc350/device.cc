@@ -225,6 +225,7 @@ bool Dlpc350Device::WriteLocked(int code, const Bytes& data) {
     if (data[0] > 2 || settings_[kMode][0] != 1) return false;
     triggered_ = false;
   }
+  if (code == kLedEnable && data[0] != 0 && !RunningLocked()) enabled_early_ = true;
   const bool slow = code == kMode || code == kStartStop;
   to_come_[code] = {Steady::now() + (slow ? slow_ : Duration::zero()), data};
   ComeIntoForceLocked();
@@ -298,7 +299,7 @@ bool Dlpc350Device::LitLocked() const {
   return any && !standby_ && !faults_.parked && (settings_.at(kLedEnable)[0] & 0x0f) != 0;
 }
 
-Pattern Dlpc350Device::ShownLocked() const {
+Projection Dlpc350Device::ShownLocked() const {
   if (!LitLocked() || !RunningLocked()) return Pattern{};
   if (settings_.at(kMode)[0] == 0 || settings_.at(kSource)[0] == 0) return video_;
   if (patterns_.size() < 3 || images_.empty()) return Pattern{};
@@ -317,11 +318,10 @@ Pattern Dlpc350Device::ShownLocked() const {
 }
 
 void Dlpc350Device::LightLocked() {
-  const Pattern shown = ShownLocked();
-  on_wall_ = shown;
+  on_wall_ = ShownLocked();
   if (world_ == nullptr) return;
   const TimePoint now = world_->clock().Now();
-  world_->RampProjection(now, now, shown);
+  world_->RampProjection(now, now, on_wall_);
 }
 
 void Dlpc350Device::SetFaults(const Faults& faults) {
@@ -343,9 +343,9 @@ void Dlpc350Device::PowerCycle(bool standby) {
   ResetLocked(standby);
 }
 
-void Dlpc350Device::SetVideoInput(const Pattern& pattern) {
+void Dlpc350Device::SetVideoInput(const Projection& picture) {
   MutexLock lock(&mutex_);
-  video_ = pattern;
+  video_ = picture;
   LightLocked();
 }
 
@@ -355,10 +355,12 @@ void Dlpc350Device::TriggerIn() {
   LightLocked();
 }
 
-Pattern Dlpc350Device::OnWall() {
+std::optional<Pattern> Dlpc350Device::OnWall() {
   MutexLock lock(&mutex_);
   ComeIntoForceLocked();
-  return on_wall_;
+  const Pattern* const pattern = std::get_if<Pattern>(&on_wall_);
+  if (pattern == nullptr) return {};
+  return *pattern;
 }
 
 std::array<int, 3> Dlpc350Device::LedCurrents() const {
@@ -377,6 +379,11 @@ std::vector<uint8_t> Dlpc350Device::Setting(int command) const {
 int Dlpc350Device::woken() const {
   MutexLock lock(&mutex_);
   return woken_;
+}
+
+bool Dlpc350Device::enabled_early() const {
+  MutexLock lock(&mutex_);
+  return enabled_early_;
 }
 
 }  // namespace lightstage::sim

@@ -57,18 +57,19 @@ class Dlpc350Device {
   void Unplug(bool out);
   // It falls back to what it is after power-on; into standby if so.
   void PowerCycle(bool standby);
-  // What is on the video input.
-  void SetVideoInput(const Pattern& pattern);
+  // What is on the video input, which has a pixel for each mirror.
+  void SetVideoInput(const Projection& picture);
   // A pulse on trigger in 1.
   void TriggerIn();
 
-  // What is on the wall now.
-  Pattern OnWall();
+  // What is on the wall now; nothing: pixels of the video input.
+  std::optional<Pattern> OnWall();
   // The LEDs' currents, 0 none to 255; none while they are off.
   std::array<int, 3> LedCurrents() const;
   // The value of a setting as it was last taken, for tests; empty if it never was.
   std::vector<uint8_t> Setting(int command) const;
-  int woken() const;  // how often it was told to leave standby
+  int woken() const;           // how often it was told to leave standby
+  bool enabled_early() const;  // its LEDs were ever enabled while its sequencer stood
 
  private:
   using Bytes = std::vector<uint8_t>;
@@ -83,7 +84,7 @@ class Dlpc350Device {
   uint8_t ValidationLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool RunningLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool LitLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  Pattern ShownLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  Projection ShownLocked() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void LightLocked() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const std::shared_ptr<World> world_;  // shared with the rig's other devices
@@ -107,8 +108,9 @@ class Dlpc350Device {
   int validation_reads_ ABSL_GUARDED_BY(mutex_) = 0;  // still busy for so many
   bool triggered_ ABSL_GUARDED_BY(mutex_) = false;
   int woken_ ABSL_GUARDED_BY(mutex_) = 0;
-  Pattern video_ ABSL_GUARDED_BY(mutex_);
-  Pattern on_wall_ ABSL_GUARDED_BY(mutex_);
+  bool enabled_early_ ABSL_GUARDED_BY(mutex_) = false;
+  Projection video_ ABSL_GUARDED_BY(mutex_);
+  Projection on_wall_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace lightstage::sim

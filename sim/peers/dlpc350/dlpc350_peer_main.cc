@@ -55,7 +55,7 @@ void Obey(const std::string& line, Dlpc350Device& device, const std::string& ser
           ? -1
           : static_cast<int>(std::strtol(line.c_str() + space + 1, nullptr, 16) & 0xFFFF);
   if (word == "light") {
-    std::printf("light %s\n", PatternName(device.OnWall()).c_str());
+    std::printf("light %s\n", PatternName(device.OnWall().value()).c_str());
     std::fflush(stdout);
     return;
   }

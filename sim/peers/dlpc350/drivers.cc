@@ -55,12 +55,17 @@ std::vector<FaultKind> Faults(Served& served, const std::string& serial) {
            }}};
 }
 
+// Without a signal it shows black.
+VideoSink VideoInput(Dlpc350Device& device) {
+  return [&device](const PixelCodes& codes) {
+    device.SetVideoInput(codes != nullptr ? Projection(codes) : Projection());
+  };
+}
+
 DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simulation,
+                                       const VideoOutputParser& parse_output,
                                        const TomlTable& table) {
   const dlpc350::Options options = dlpc350::ParseOptions(table);
-  if (table.Has("mode") && !options.flash) {
-    table.ErrorAt("mode", "must be \"flash\" where the projector is simulated");
-  }
   if (options.serial.empty()) {
     table.ErrorAt("serial", "missing; the simulated projector gets it");
   }
@@ -69,34 +74,45 @@ DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simula
     if (place.invert) table.ErrorAt("patterns", "invert cannot be simulated");
     flash[{place.image, place.number, place.depth}] = pattern;
   }
+  VideoOutput open_screen;
+  if (table.Has("mode") && !options.flash) {
+    open_screen = parse_output(table.Table("display", true));
+  }
   const TomlTable peer = table.Table("peer");
-  return
-      [simulation, flash, options, kernel = ParseWireIsKernel(peer), plan = ParseFaultPlan(peer)](
-          const DeviceContext& context) -> absl::StatusOr<std::unique_ptr<Projector>> {
-        RETURN_IF_ERROR(CheckProjector(context));
-        ASSIGN_OR_RETURN(std::shared_ptr<World> world,
-                         simulation->OpenWorld(*context.geometry, *context.clock));
-        auto served = std::make_shared<Served>(std::move(world), flash);
-        dlpc350::HidOpener open = InProcessHid(served->device, options.serial);
-        if (kernel) {
-          ASSIGN_OR_RETURN(served->usb, UhidDevice::Plug(served->device, options.serial));
-          open = [serial = options.serial] { return dlpc350::OpenHidDevice("", serial); };
-        }
-        ASSIGN_OR_RETURN(std::unique_ptr<Projector> device,
-                         OpenLinkedProjector(context, kName,
-                                             std::make_unique<dlpc350::Link>(
-                                                 context, options, std::move(open), nullptr)));
-        served->faults =
-            std::make_unique<FaultPlan>(context.name, plan, Faults(*served, options.serial));
-        return std::make_unique<ServedProjector>(std::move(served), std::move(device), kName);
-      };
+  return [simulation, flash, options, open_screen = std::move(open_screen),
+          kernel = ParseWireIsKernel(peer), plan = ParseFaultPlan(peer)](
+             const DeviceContext& context) mutable -> absl::StatusOr<std::unique_ptr<Projector>> {
+    RETURN_IF_ERROR(CheckProjector(context));
+    ASSIGN_OR_RETURN(std::shared_ptr<World> world,
+                     simulation->OpenWorld(*context.geometry, *context.clock));
+    auto served = std::make_shared<Served>(std::move(world), flash);
+    dlpc350::HidOpener open = InProcessHid(served->device, options.serial);
+    if (kernel) {
+      ASSIGN_OR_RETURN(served->usb, UhidDevice::Plug(served->device, options.serial));
+      open = [serial = options.serial] { return dlpc350::OpenHidDevice("", serial); };
+    }
+    std::unique_ptr<Projector> screen;
+    if (open_screen != nullptr) {
+      ASSIGN_OR_RETURN(screen, open_screen(context, VideoInput(served->device)));
+    }
+    ASSIGN_OR_RETURN(
+        std::unique_ptr<Projector> device,
+        OpenLinkedProjector(
+            context, kName,
+            std::make_unique<dlpc350::Link>(context, options, std::move(open), std::move(screen))));
+    served->faults =
+        std::make_unique<FaultPlan>(context.name, plan, Faults(*served, options.serial));
+    return std::make_unique<ServedProjector>(std::move(served), std::move(device), kName);
+  };
 }
 
 }  // namespace
 
-void RegisterDlpc350Peer(DriverRegistry& registry, const std::shared_ptr<Simulation>& simulation) {
-  registry.projectors[kName].parse = [simulation](const TomlTable& table) {
-    return ParseProjector(simulation, table);
+void RegisterDlpc350Peer(DriverRegistry& registry, const std::shared_ptr<Simulation>& simulation,
+                         VideoOutputParser output) {
+  registry.projectors[kName].parse = [simulation,
+                                      output = std::move(output)](const TomlTable& table) {
+    return ParseProjector(simulation, output, table);
   };
 }
 

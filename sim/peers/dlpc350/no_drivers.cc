@@ -4,7 +4,8 @@
 
 namespace lightstage::sim {
 
-void RegisterDlpc350Peer(DriverRegistry& registry, const std::shared_ptr<Simulation>&) {
+void RegisterDlpc350Peer(DriverRegistry& registry, const std::shared_ptr<Simulation>&,
+                         VideoOutputParser) {
   registry.projectors["sim-dlpc350"] = Dlpc350Driver();  // says what is missing
 }
 

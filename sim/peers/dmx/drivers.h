@@ -1,5 +1,5 @@
-// The lamps driver "sim-dmx": the simulated rig's lamps, driven by the dmx driver through an Open DMX that this process plugs into the machine's
-// own USB (ftdi_gadget.h), or has within itself. The rig's other devices may be any. Its table is that of driver "dmx" with widget "open" and a
+// The lamps driver "sim-dmx": the simulated rig's lamps, driven by the dmx driver through a widget: an Open DMX that this process plugs into the machine's
+// own USB (ftdi_gadget.h), or that or a DMX USB Pro within itself. The rig's other devices may be any. Its table is that of driver "dmx" with a
 // `serial`; the lamps hang on the very channels that the table says. [….peer]: sim/rig/wire.h, sim/rig/fault_plan.h.
 #pragma once
 
