@@ -160,7 +160,7 @@ void GoDarkUnlessRefreshed(LampsFixture& fixture) {
   LampsBench bench(fixture);
   if (!bench.open() || bench.info().max_time_to_dark == Duration::zero()) return;
   if (!fixture.Emitted()) return;
-  Duration time = std::min<Duration>(bench.info().max_time_to_dark, milliseconds(600));
+  Duration time = std::min<Duration>(bench.info().max_time_to_dark, milliseconds(1500));
   ASSERT_TRUE(bench.device().SetTimeToDark(time).ok());
   ASSERT_TRUE(bench.Set(bench.All(1)).ok());
   for (int i = 0; i < 4; ++i) {  // 1.3 × time in all

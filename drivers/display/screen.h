@@ -32,7 +32,8 @@ struct ScreenOptions {
 class Screen {
  public:
   // Opens the window and shows black. The output's mode must be width × height: FAILED_PRECONDITION / DEVICE_UNSUITABLE naming both. NOT_FOUND /
-  // DEVICE_NOT_FOUND if there is no such server or output; DEADLINE_EXCEEDED / DEVICE_SILENT after 8 s (kmsdrm: 30 s).
+  // DEVICE_NOT_FOUND if there is no such server or output; FAILED_PRECONDITION / DEVICE_FAULT if there is a compositor; DEADLINE_EXCEEDED /
+  // DEVICE_SILENT after 8 s (kmsdrm: 30 s).
   static absl::StatusOr<std::unique_ptr<Screen>> Open(const ScreenOptions& options, int width,
                                                       int height);
   // Black, then the window is gone.

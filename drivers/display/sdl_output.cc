@@ -362,7 +362,10 @@ absl::Status SdlOutput::Idle() {
   if (SDL_UpdateTexture(texture_, nullptr, pixels_.data(), head_.width * 4) != 0) {
     return SdlError("giving the picture to the renderer");
   }
-  return Present(true);
+  const absl::Status drawn = Present(true);
+  if (ErrorReason(drawn) != "DEVICE_FAULT") return drawn;
+  touched_.Update(drawn);  // of another picture that says nothing
+  return absl::OkStatus();
 }
 
 }  // namespace lightstage

@@ -61,9 +61,8 @@ absl::Status Link::Connect() {
   controller_ = std::make_unique<Controller>(*std::move(port));
   if (absl::Status configured = Configure(); !configured.ok()) {
     // After power-on it shows its video input by itself; as well as it still can it is left dark.
-    if (ErrorReason(configured) == "DEVICE_FAULT") {
-      (void)controller_->Set(kLedEnable, {kLedsOff});
-    }
+    const absl::Status off = controller_->Set(kLedEnable, {kLedsOff});
+    if (!off.ok()) spdlog::error("{}: may be lit: {}", name_, MessageOf(off));
     controller_.reset();
     return Named(configured);
   }
@@ -93,8 +92,7 @@ absl::Status Link::Configure() {
   ASSIGN_OR_RETURN(version_, ParseVersion(version));
   serial_ = controller_->serial();
   ASSIGN_OR_RETURN(std::vector<uint8_t> power, controller_->Read(kPower, 1));
-  RETURN_IF_ERROR((power[0] & 1) != 0 ? WakeUp() : CheckHealth(false));
-  RETURN_IF_ERROR(controller_->Set(kLedEnable, {kLedsOff}));
+  RETURN_IF_ERROR((power[0] & 1) != 0 ? WakeUp() : CheckHealthInTheDark());
   // The LightCrafter's drivers invert what the polarity says: 255 is dark (e2e.ti.com, thread 451589).
   RETURN_IF_ERROR(controller_->Set(kLedPolarity, {0}));
   RETURN_IF_ERROR(controller_->Set(kLedCurrent, LedCurrents()));
@@ -119,7 +117,7 @@ absl::Status Link::WakeUp() {
     const absl::StatusOr<std::vector<uint8_t>> power = controller_->Read(kPower, 1);
     awake = !power.ok()              ? power.status()
             : ((*power)[0] & 1) != 0 ? Fault("it stays in standby")
-                                     : CheckHealth(false);
+                                     : CheckHealthInTheDark();
     if (awake.ok()) return awake;
     std::this_thread::sleep_for(milliseconds(20));
   }
@@ -184,6 +182,11 @@ absl::Status Link::Check() {
   }
   if (ErrorReason(same) == "DEVICE_LOST") controller_.reset();
   return Named(same);
+}
+
+absl::Status Link::CheckHealthInTheDark() {
+  RETURN_IF_ERROR(controller_->Set(kLedEnable, {kLedsOff}));
+  return CheckHealth(false);
 }
 
 absl::Status Link::CheckHealth(bool light) {

@@ -39,6 +39,7 @@ class Link final : public ProjectorLink {
   absl::Status ShowOnScreen(const Pattern& pattern);
   // That it works, and runs if `light`.
   absl::Status CheckHealth(bool light);
+  absl::Status CheckHealthInTheDark();
   absl::Status AwaitRunning();
   absl::Status Named(const absl::Status& status) const;
 

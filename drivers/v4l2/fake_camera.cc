@@ -97,6 +97,10 @@ void FakeCamera::FailNext(unsigned long request, int error, int times) {
   MutexLock lock(&mutex_);
   failures_[request] = {error, times};
 }
+bool FakeCamera::fails_next(unsigned long request) const {
+  MutexLock lock(&mutex_);
+  return failures_.count(request) != 0;
+}
 void FakeCamera::SetSilent(bool silent) {
   MutexLock lock(&mutex_);
   silent_ = silent;

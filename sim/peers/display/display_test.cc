@@ -430,8 +430,8 @@ TEST(DisplayGamma, IsSetStraightAndAnotherOneIsFound) {
       EXPECT_TRUE(Check(rig, **projector).ok());
       intruder.SetGamma(1.01);
       if (idle) {
-        SleepFor(rig.clock, milliseconds(600));
-        intruder.SetGamma(1);  // it was there for a while
+        SleepFor(rig.clock, seconds(2));  // it looks five times a second
+        intruder.SetGamma(1);             // it was there for a while
       }
       const absl::Status found = Check(rig, **projector);
       EXPECT_EQ(ErrorReason(found), "DEVICE_FAULT") << found;

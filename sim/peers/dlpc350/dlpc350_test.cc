@@ -197,6 +197,7 @@ TEST(Dlpc350, ModeStartAndStopMayComeIntoForceLate) {
     ASSERT_TRUE(shown.ok()) << shown;
     EXPECT_EQ(bench.device->OnWall(), pattern);
   }
+  EXPECT_FALSE(bench.device->enabled_early()) << "nobody knows what it shows then";
   bench.device->SetSlowness(seconds(20));
   const absl::Status late = bench.Show(**projector, Row());
   EXPECT_EQ(ErrorReason(late), "DEVICE_FAULT") << late;

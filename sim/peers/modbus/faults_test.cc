@@ -32,6 +32,7 @@ class WireTest : public testing::TestWithParam<Wire> {
     } else {
       line_.serial_port = bench_.server().serial_port();
     }
+    line_.response_timeout = milliseconds(500);
     client_.emplace(line_, 1, "turntable", bench_.clock());
     EXPECT_TRUE(client_->Connect().ok());
     EXPECT_TRUE(client_->WriteRegisters(16, std::vector<uint16_t>{111, 222, 333}).ok());
@@ -53,12 +54,12 @@ TEST_P(WireTest, SilenceIsToldAndOver) {
   const absl::Status status = client_->ReadRegisters(16, 1).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDeadlineExceeded);
   EXPECT_EQ(ErrorReason(status), "DEVICE_SILENT");
-  EXPECT_THAT(MessageOf(status), HasSubstr("no answer within 200 ms"));
+  EXPECT_THAT(MessageOf(status), HasSubstr("no answer within 500 ms"));
   EXPECT_EQ(ReasonOfRead(), "OK");
 }
 
 TEST_P(WireTest, ALateReplyIsNotTakenForAnother) {
-  for (int late_ms : {260, 300, 380}) {  // of 200, and a frame's time on a line
+  for (int late_ms : {550, 600, 700}) {  // of 500, and a frame's time on a line
     server().Inject(WireFault::kLate, 1, late_ms);
     EXPECT_EQ(ErrorReason(client_->ReadRegisters(16, 1).status()), "DEVICE_SILENT");
     // Of the same shape as the one that is late.

@@ -181,7 +181,7 @@ TEST_F(BoardsTest, ALostConnectionComesBackDark) {
 TEST_F(BoardsTest, TheTimeToDarkIsTheBoardsOwn) {
   Start(Dimmers(Wire::kTcp));
   EXPECT_EQ(lamps_->info().max_time_to_dark, seconds(60));
-  ASSERT_TRUE(lamps_->SetTimeToDark(milliseconds(400)).ok());
+  ASSERT_TRUE(lamps_->SetTimeToDark(milliseconds(1500)).ok());
   ASSERT_TRUE(Set(kAll).ok());
   boards_->bench().server().Unplug();  // as if the daemon were gone
   EXPECT_TRUE(boards_->bench().Becomes([&] { return boards_->Emitted() == kNone; }));

@@ -281,15 +281,15 @@ TEST_F(UvcTest, NoFrameHasLightFromBeforeOrAfterItsExposure) {
 
 // The frame that is being exposed keeps what it began with, and the next one has what was set.
 TEST_F(UvcTest, AnExposureCountsForFramesThatBeginAfterItWasSet) {
-  Restart({"Slow", kWidth, kHeight, 12, milliseconds(400), 1});
-  Light(0.1f);
-  const Bytes longer = Seen(clock_.Now(), milliseconds(300)),
-              shorter = Seen(clock_.Now(), milliseconds(100));
+  Restart({"Slow", kWidth, kHeight, 12, milliseconds(1200), 1});
+  Light(0.03f);
+  const Bytes longer = Seen(clock_.Now(), milliseconds(900)),
+              shorter = Seen(clock_.Now(), milliseconds(300));
   ASSERT_FALSE(Same(longer, shorter));
-  SetExposure(3000);
+  SetExposure(9000);
   StartStream(1, 1);
-  std::this_thread::sleep_for(milliseconds(150));  // half of the exposure
-  SetExposure(1000);
+  std::this_thread::sleep_for(milliseconds(450));  // half of the exposure
+  SetExposure(3000);
   EXPECT_TRUE(host_->TakeOthers().empty());
   EXPECT_TRUE(Same(NextFrame()->data, longer));
   EXPECT_TRUE(Same(NextFrame()->data, shorter));
