@@ -96,6 +96,28 @@ TEST(Campaign, Dlpc350Projector) {
            {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8"}, Faults());
 }
 
+TEST(Campaign, DmxProLamps) {
+  Campaign(Small(),
+           Faulty(RealTime(Small()), "lamps",
+                  "driver = \"sim-dmx\"\nwidget = \"pro\"\nserial = \"LAMPS1\"\nslots = 40\n"
+                  "first_channel = 1\nlamp_count = 40\nsettle_ms = 2\n",
+                  kProcess),
+           {"light-stage", "--azimuths", "2"}, Faults());
+}
+
+TEST(Campaign, Dlpc350ProjectorWithVideo) {
+  const std::string small =
+      Replaced(Small(), "width = 256\nheight = 192", "width = 912\nheight = 1140");
+  Campaign(small,
+           Faulty(RealTime(small), "projector",
+                  "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"video\"\n"
+                  "led_current = [100, 100, 100]\nled_current_limit = 150\n"
+                  "[projector.display]\n" +
+                      SimDisplayOutput(),
+                  kProcess),
+           {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "4"}, Faults());
+}
+
 TEST(Campaign, DisplayProjector) {
   Campaign(Small(), Faulty(RealTime(Small()), "projector", SimDisplay()),
            {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "4"}, Faults());
