@@ -17,8 +17,8 @@ struct Unplugging {
   absl::FunctionRef<absl::Status()> recover;
 };
 
-// Three times: off, used, back, recovered, used. The second is kept in at least one of them (the machine may be busy with other things);
-// prints the best time. To be called with the device open and good.
+// Three times: off, used, back, recovered, used. In at least one of them (the machine may be busy with other things) the second is kept, and in one
+// it is recovered at the first try; prints the best time. To be called with the device open and good.
 void CheckUnplugging(Clock& clock, const char* device, const Unplugging& unplugging);
 
 }  // namespace lightstage

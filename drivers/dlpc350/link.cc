@@ -61,8 +61,7 @@ absl::Status Link::Connect() {
   controller_ = std::make_unique<Controller>(*std::move(port));
   if (absl::Status configured = Configure(); !configured.ok()) {
     // After power-on it shows its video input by itself; as well as it still can it is left dark.
-    const absl::Status off = controller_->Set(kLedEnable, {kLedsOff});
-    if (!off.ok()) spdlog::error("{}: may be lit: {}", name_, MessageOf(off));
+    TryDark();
     controller_.reset();
     return Named(configured);
   }
@@ -155,16 +154,16 @@ absl::Status Link::Show(const Pattern& pattern) {
   lit_ = !black;
   absl::Status shown = black ? Dark() : options_.flash ? ShowStored(pattern) : ShowVideo(pattern);
   if (shown.ok()) return shown;
-  const std::string reason = ErrorReason(shown);
-  if (reason == "DEVICE_LOST") {
-    controller_.reset();
-  } else if (!black && reason != "DEVICE_SILENT") {
-    // What is lit now is not what was asked for.
-    if (absl::Status off = controller_->Set(kLedEnable, {kLedsOff}); !off.ok()) {
-      spdlog::error("{}: may be lit: {}", name_, MessageOf(off));
-    }
-  }
+  // What is lit now is not what was asked for. Also if it is the video output that is lost or silent.
+  if (!black) TryDark();
+  if (ErrorReason(shown) == "DEVICE_LOST") controller_.reset();
   return Named(shown);
+}
+
+void Link::TryDark() {
+  const absl::Status off = controller_->Set(kLedEnable, {kLedsOff});
+  if (off.ok() || ErrorReason(off) == "DEVICE_LOST") return;  // that is told anyway
+  spdlog::error("{}: may be lit: {}", name_, MessageOf(off));
 }
 
 absl::Status Link::Check() {

@@ -23,7 +23,7 @@ class Link final : public ProjectorLink {
   ProjectorInfo info() const override;
   // DEVICE_FAULT also if the mirrors are parked, the sequencer stands, or an error flag is up; FAILED_PRECONDITION / PATTERN_NOT_STORED if the
   // flash has no such pattern. Takes up to 3 s where stop and start come into force late; nothing is lit meanwhile.
-  // After an error the LEDs are off, unless the device is lost or silent.
+  // After an error the LEDs are off, unless the controller is lost or silent; the log says if they may be on.
   absl::Status Show(const Pattern& pattern) override;
   absl::Status Check() override;
 
@@ -34,6 +34,7 @@ class Link final : public ProjectorLink {
   // Whether it remembers what it was told on connecting: else it was switched off, or reset itself.
   absl::StatusOr<bool> IsConfigured();
   absl::Status Dark();
+  void TryDark();  // as well as it still can
   absl::Status ShowStored(const Pattern& pattern);
   absl::Status ShowVideo(const Pattern& pattern);
   absl::Status ShowOnScreen(const Pattern& pattern);

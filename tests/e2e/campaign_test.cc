@@ -77,7 +77,7 @@ TEST(Campaign, CanopenAxisAndLamps) {
 TEST(Campaign, DmxLampsAndGigECamera) {
   Campaign(Small(),
            Faulty(GigeCamera(RealTime(Small())), "lamps",
-                  "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\nslots = 40\n"
+                  "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\nslots = 120\n"
                   "first_channel = 1\nlamp_count = 40\nsettle_ms = 2\n",
                   kProcess),
            {"light-stage", "--azimuths", "2"}, Faults());
@@ -99,7 +99,7 @@ TEST(Campaign, Dlpc350Projector) {
 TEST(Campaign, DmxProLamps) {
   Campaign(Small(),
            Faulty(RealTime(Small()), "lamps",
-                  "driver = \"sim-dmx\"\nwidget = \"pro\"\nserial = \"LAMPS1\"\nslots = 40\n"
+                  "driver = \"sim-dmx\"\nwidget = \"pro\"\nserial = \"LAMPS1\"\nslots = 120\n"
                   "first_channel = 1\nlamp_count = 40\nsettle_ms = 2\n",
                   kProcess),
            {"light-stage", "--azimuths", "2"}, Faults());
@@ -113,7 +113,8 @@ TEST(Campaign, Dlpc350ProjectorWithVideo) {
                   "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"video\"\n"
                   "led_current = [100, 100, 100]\nled_current_limit = 150\n"
                   "[projector.display]\n" +
-                      SimDisplayOutput(),
+                      SimDisplayOutput() +
+                      "[projector.display.peer]\nfault_interval_s = 3\nfault_after_s = 2\n",
                   kProcess),
            {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "4"}, Faults());
 }

@@ -436,12 +436,15 @@ TEST(Dlpc350Video, NeedsAPictureThatMovesOnAndAnOutputThatWorks) {
   EXPECT_NE(shown.message().find("frozen"), std::string_view::npos) << shown;
   EXPECT_EQ(bench.device->OnWall(), Pattern{});
   bench.device->SetFaults({});
-  bench.output->fails = Error(absl::StatusCode::kFailedPrecondition, "DISPLAY_CHANGED", "as said");
-  EXPECT_EQ(ErrorReason(bench.Show(**projector, Row())), "DISPLAY_CHANGED");
-  EXPECT_EQ(bench.device->OnWall(), Pattern{});
-  bench.output->fails = absl::OkStatus();
-  EXPECT_TRUE(bench.Show(**projector, Row()).ok());
-  EXPECT_EQ(bench.device->OnWall(), Row());
+  for (const char* reason : {"DISPLAY_CHANGED", "DEVICE_SILENT", "DEVICE_LOST"}) {
+    bench.output->fails = absl::OkStatus();
+    EXPECT_TRUE(bench.Show(**projector, Row()).ok());
+    EXPECT_EQ(bench.device->OnWall(), Row());
+    bench.output->fails = Error(absl::StatusCode::kFailedPrecondition, reason, "as said");
+    EXPECT_EQ(ErrorReason(bench.Show(**projector, Full())), reason);
+    EXPECT_EQ(bench.device->OnWall(), Pattern{}) << reason;
+    EXPECT_EQ(bench.device->LedCurrents(), (std::array<int, 3>{0, 0, 0})) << reason;
+  }
 }
 
 // The driver as a rig file opens it, as far as this machine goes.
