@@ -362,7 +362,7 @@ absl::Status SdlOutput::Idle() {
   if (SDL_UpdateTexture(texture_, nullptr, pixels_.data(), head_.width * 4) != 0) {
     return SdlError("giving the picture to the renderer");
   }
-  const absl::Status drawn = Present(true);
+  absl::Status drawn = Present(true);
   if (ErrorReason(drawn) != "DEVICE_FAULT") return drawn;
   touched_.Update(drawn);  // of another picture that says nothing
   return absl::OkStatus();

@@ -109,9 +109,8 @@ DeviceOpener<Projector> ParseProjector(const std::shared_ptr<Simulation>& simula
 }  // namespace
 
 void RegisterDlpc350Peer(DriverRegistry& registry, const std::shared_ptr<Simulation>& simulation,
-                         VideoOutputParser output) {
-  registry.projectors[kName].parse = [simulation,
-                                      output = std::move(output)](const TomlTable& table) {
+                         const VideoOutputParser& output) {
+  registry.projectors[kName].parse = [simulation, output](const TomlTable& table) {
     return ParseProjector(simulation, output, table);
   };
 }

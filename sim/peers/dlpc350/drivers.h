@@ -14,6 +14,6 @@ namespace lightstage::sim {
 
 // `simulation` is what RegisterSimulatedDrivers() returned for this registry. Without hidapi the driver is known, but says so.
 void RegisterDlpc350Peer(DriverRegistry& registry, const std::shared_ptr<Simulation>& simulation,
-                         VideoOutputParser output);
+                         const VideoOutputParser& output);
 
 }  // namespace lightstage::sim

@@ -5,7 +5,7 @@
 namespace lightstage::sim {
 
 void RegisterDlpc350Peer(DriverRegistry& registry, const std::shared_ptr<Simulation>&,
-                         VideoOutputParser) {
+                         const VideoOutputParser&) {
   registry.projectors["sim-dlpc350"] = Dlpc350Driver();  // says what is missing
 }
 
