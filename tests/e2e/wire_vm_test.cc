@@ -47,7 +47,7 @@ constexpr char kDmxLamps[] =
 // cycle; short reports, unplugged, the sequencer stopped, an LED setting that is not taken.
 constexpr char kCanFaults[] = "fault_interval_s = 10\nfault_after_s = 3\nfault_seed = 212\n";
 constexpr char kDmxFaults[] = "fault_interval_s = 20\nfault_after_s = 3\n";
-constexpr char kHidFaults[] = "fault_interval_s = 10\nfault_after_s = 3\nfault_seed = 113\n";
+constexpr char kHidFaults[] = "fault_interval_s = 4\nfault_after_s = 3\nfault_seed = 113\n";
 
 using Plan = std::vector<std::string>;
 const Plan kLightStage = {"light-stage", "--azimuths", "8"};
