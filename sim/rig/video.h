@@ -16,8 +16,8 @@ namespace lightstage::sim {
 // Gets the picture on the cable whenever it is another one, by one thread at a time; null: there is no signal of the mode that is expected.
 using VideoSink = std::function<void(const PixelCodes&)>;
 
-// Opens what draws on the output, as a projector; it ends before what the sink refers to. Errors as the driver of the output, and
-// PEER_NOT_STARTED.
+// Opens what draws on the output, as a projector; it ends before what the sink refers to. The context has passed CheckProjector(). Errors
+// as the driver of the output, and PEER_NOT_STARTED.
 using VideoOutput =
     absl::AnyInvocable<absl::StatusOr<std::unique_ptr<Projector>>(const DeviceContext&, VideoSink)>;
 

@@ -74,49 +74,48 @@ TEST(Campaign, CanopenAxisAndLamps) {
            {"light-stage", "--azimuths", "2"}, Faults());
 }
 
-TEST(Campaign, DmxLampsAndGigECamera) {
-  Campaign(Small(),
-           Faulty(GigeCamera(RealTime(Small())), "lamps",
-                  "driver = \"sim-dmx\"\nwidget = \"open\"\nserial = \"LAMPS1\"\nslots = 120\n"
-                  "first_channel = 1\nlamp_count = 40\nsettle_ms = 2\n",
-                  kProcess),
-           {"light-stage", "--azimuths", "2"}, Faults());
+// Frames long enough for a widget to be unplugged in the middle of one.
+std::string DmxLamps(const std::string& rig, const std::string& widget) {
+  return Faulty(rig, "lamps",
+                "driver = \"sim-dmx\"\nwidget = \"" + widget +
+                    "\"\nserial = \"LAMPS1\"\nslots = 120\n"
+                    "first_channel = 1\nlamp_count = 40\nsettle_ms = 2\n",
+                kProcess);
 }
 
-TEST(Campaign, Dlpc350Projector) {
-  const std::string small =
-      Replaced(Small(), "width = 256\nheight = 192", "width = 912\nheight = 1140");
-  Campaign(small,
-           Faulty(RealTime(small), "projector",
-                  "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"flash\"\n"
-                  "led_current = [100, 100, 100]\nled_current_limit = 150\n"
-                  "[[projector.patterns]]\narrangement = \"square\"\ngrid = 8\n"
-                  "every_square = true\nimage = 0\ndepth = 1\n",
-                  kProcess),
-           {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "8"}, Faults());
+TEST(Campaign, DmxLampsAndGigECamera) {
+  Campaign(Small(), DmxLamps(GigeCamera(RealTime(Small())), "open"),
+           {"light-stage", "--azimuths", "2"}, Faults());
 }
 
 TEST(Campaign, DmxProLamps) {
-  Campaign(Small(),
-           Faulty(RealTime(Small()), "lamps",
-                  "driver = \"sim-dmx\"\nwidget = \"pro\"\nserial = \"LAMPS1\"\nslots = 120\n"
-                  "first_channel = 1\nlamp_count = 40\nsettle_ms = 2\n",
+  Campaign(Small(), DmxLamps(RealTime(Small()), "pro"), {"light-stage", "--azimuths", "2"},
+           Faults());
+}
+
+// `mode` and what belongs to it.
+void Dlpc350Campaign(const std::string& mode, const std::string& grid) {
+  const std::string small = WithMirrors(Small());
+  Campaign(small,
+           Faulty(RealTime(small), "projector",
+                  "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\n"
+                  "led_current = [100, 100, 100]\nled_current_limit = 150\n" +
+                      mode,
                   kProcess),
-           {"light-stage", "--azimuths", "2"}, Faults());
+           {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", grid}, Faults());
+}
+
+TEST(Campaign, Dlpc350Projector) {
+  Dlpc350Campaign(
+      "mode = \"flash\"\n[[projector.patterns]]\narrangement = \"square\"\ngrid = 8\n"
+      "every_square = true\nimage = 0\ndepth = 1\n",
+      "8");
 }
 
 TEST(Campaign, Dlpc350ProjectorWithVideo) {
-  const std::string small =
-      Replaced(Small(), "width = 256\nheight = 192", "width = 912\nheight = 1140");
-  Campaign(small,
-           Faulty(RealTime(small), "projector",
-                  "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"video\"\n"
-                  "led_current = [100, 100, 100]\nled_current_limit = 150\n"
-                  "[projector.display]\n" +
-                      SimDisplayOutput() +
+  Dlpc350Campaign("mode = \"video\"\n[projector.display]\n" + SimDisplayOutput() +
                       "[projector.display.peer]\nfault_interval_s = 3\nfault_after_s = 2\n",
-                  kProcess),
-           {"projector-4d", "--azimuths", "1", "--tilts", "20,50", "--grid", "4"}, Faults());
+                  "4");
 }
 
 TEST(Campaign, DisplayProjector) {

@@ -65,11 +65,8 @@ TEST(Wire, A4dCaptureOnADisplayEqualsTheDirectOne) {
 
 TEST(Wire, A4dCaptureOverADlpc350sVideoInputEqualsTheDirectOne) {
   TestFolder folder;
-  const auto with_mirrors = [](const std::string& rig) {
-    return Replaced(rig, "width = 256\nheight = 192", "width = 912\nheight = 1140");
-  };
-  ExpectSame(folder, with_mirrors(DirectRig()),
-             WithTable(with_mirrors(WireRig(folder)), "projector",
+  ExpectSame(folder, WithMirrors(DirectRig()),
+             WithTable(WithMirrors(WireRig(folder)), "projector",
                        "driver = \"sim-dlpc350\"\nserial = \"PROJECTOR1\"\nmode = \"video\"\n"
                        "led_current = [100, 100, 100]\nled_current_limit = 150\n"
                        "[projector.display]\n" +

@@ -14,7 +14,7 @@ namespace {
 std::string DirectRig() {
   std::string rig = Replaced(WithoutNoise(SmallRig()), "format = \"RGB16\"", "format = \"Mono16\"");
   rig = Replaced(rig, "scene = \"default\"", "scene = \"balls\"");
-  rig = Replaced(rig, "width = 256\nheight = 192", "width = 912\nheight = 1140");
+  rig = WithMirrors(rig);
   rig = Replaced(rig, "exposures_us = [1000, 16000]", "exposures_us = [1000]");
   // Patient: this machine is emulated, and the lanes beside this one keep it busy.
   rig = Replaced(rig, "device_timeout_ms = 1000", "device_timeout_ms = 10000");

@@ -9,8 +9,8 @@
 
 namespace lightstage {
 
-// Captures the plan with `faulty_rig` again and again until there were so many faults and a run was disturbed by one, and compares each time with what `direct_rig`
-// stored; `exposure_s` is the bracket's longest. With 50 faults or more every kind must have come.
+// Captures the plan with `faulty_rig` again and again until there were so many faults and a run was disturbed by one, and compares each time
+// with what `direct_rig` stored; `exposure_s` is the bracket's longest. With 50 faults or more every kind must have come.
 void Campaign(const std::string& direct_rig, const std::string& faulty_rig,
               const std::vector<std::string>& plan, size_t faults, double exposure_s = 0.016);
 

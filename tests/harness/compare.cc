@@ -130,6 +130,10 @@ std::string SimDisplayOutput() {
          "\"\noutput = \"screen\"\nrenderer = \"software\"\n";
 }
 
+std::string WithMirrors(const std::string& rig) {
+  return Replaced(rig, "width = 256\nheight = 192", "width = 912\nheight = 1140");
+}
+
 std::string WithTable(const std::string& rig, const std::string& name, const std::string& text) {
   const std::string head = "[" + name + "]\n";
   const size_t begin = rig.find(head);

@@ -41,6 +41,9 @@ constexpr char kSimGigePeer[] =
 std::string SimDisplay();
 std::string SimDisplayOutput();  // without the driver's name
 
+// SmallRig, or what was made of it, with a projector that has the pixels of a DLPC350's mirrors.
+std::string WithMirrors(const std::string& rig);
+
 // `rig` with another text in place of the table [name], its sub-tables apart.
 std::string WithTable(const std::string& rig, const std::string& name, const std::string& text);
 

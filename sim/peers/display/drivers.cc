@@ -73,7 +73,6 @@ VideoOutput ParseServedDisplay(const TomlTable& table) {
           connect = DisplayDriver().parse(table)](
              const DeviceContext& context,
              VideoSink sink) mutable -> absl::StatusOr<std::unique_ptr<Projector>> {
-    RETURN_IF_ERROR(CheckProjector(context));
     const ProjectorGeometry& mode = context.geometry->projector;
     auto served = std::make_shared<Served>();
     ASSIGN_OR_RETURN(served->projector,
